@@ -1,0 +1,1 @@
+"""What the simulator, behavior and fusion packages share."""

@@ -1,0 +1,40 @@
+"""Plane geometry of robot, ball, wall and goal. Angles in radians, counter-clockwise positive (REP-103)."""
+
+from __future__ import annotations
+
+from math import atan2, hypot, pi, remainder, tau
+
+from fbql_common.core.field import FIELD
+from fbql_common.core.types import World
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """The same direction in (-pi, pi] [rad]."""
+    wrapped = remainder(angle_rad, tau)
+    return pi if wrapped == -pi else wrapped
+
+
+def distance_and_bearing(world: World, x_m: float, y_m: float) -> tuple[float, float]:
+    """Distance from the robot's centre to a point [m], and its bearing from the robot's heading [rad]."""
+    dx, dy = x_m - world.robot_x_m, y_m - world.robot_y_m
+    return hypot(dx, dy), wrap_angle(atan2(dy, dx) - world.robot_yaw_rad)
+
+
+def ball_distance_and_bearing(world: World) -> tuple[float, float]:
+    """Distance d [m] and bearing theta [rad] of the ball (the paper's Fig. 6)."""
+    return distance_and_bearing(world, world.ball_x_m, world.ball_y_m)
+
+
+def wall_distance_and_bearing(world: World) -> tuple[float, float]:
+    """Distance [m] and bearing [rad] of the closest point of the walls (the paper's Fig. 7)."""
+    return distance_and_bearing(world, world.wall_x_m, world.wall_y_m)
+
+
+def approach_angle(world: World) -> float:
+    """psi: the angle from the line robot -> ball to the line ball -> goal, in (-pi, pi] [rad] (Fig. 8).
+
+    0 when the robot stands behind the ball, in line with the centre of the goal that is attacked.
+    """
+    to_ball = atan2(world.ball_y_m - world.robot_y_m, world.ball_x_m - world.robot_x_m)
+    to_goal = atan2(-world.ball_y_m, FIELD.half_length_m - world.ball_x_m)
+    return wrap_angle(to_goal - to_ball)

@@ -1,0 +1,111 @@
+"""Parameters are fields of frozen dataclasses: type, default, unit, bounds and description in one place.
+
+    @dataclass(frozen=True)
+    class SimulatorParameters:
+        seed: int = parameter(0, "seed of the first episode", low=0)
+
+The same declaration serves a node (`fbql_common.declare`), a command line and the run's config.yaml.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple, TypeVar, get_type_hints
+
+from fbql_common.core.errors import BadInput
+
+T = TypeVar("T")
+
+
+class Limits(NamedTuple):
+    """What a parameter may be, and what it means."""
+
+    description: str
+    unit: str
+    low: float | None
+    high: float | None
+    choices: tuple[str, ...] | None
+
+
+def parameter(
+    default: Any,
+    description: str,
+    *,
+    unit: str = "",
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] | None = None,
+) -> Any:
+    """A dataclass field with its limits. `low` and `high` belong to the range."""
+    limits = Limits(description, unit, low, high, choices)
+    if isinstance(default, list):
+        values: list[Any] = list(default)  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
+        return dataclasses.field(default_factory=lambda: list(values), metadata={"limits": limits})
+    return dataclasses.field(default=default, metadata={"limits": limits})
+
+
+def limits_of(declaration: type[Any]) -> dict[str, Limits]:
+    """The limits of every parameter of a declaration, in order."""
+    return {field.name: field.metadata["limits"] for field in dataclasses.fields(declaration)}
+
+
+def types_of(declaration: type[Any]) -> dict[str, Any]:
+    """The type of every parameter of a declaration, in order."""
+    hints = get_type_hints(declaration)
+    return {field.name: hints[field.name] for field in dataclasses.fields(declaration)}
+
+
+def defaults_of(declaration: type[Any]) -> dict[str, Any]:
+    """The default of every parameter of a declaration, in order."""
+    instance = declaration()
+    return {field.name: getattr(instance, field.name) for field in dataclasses.fields(declaration)}
+
+
+def from_mapping(declaration: type[T], values: Mapping[str, Any], where: str) -> T:
+    """Makes a declaration's instance from values, each checked.
+
+    Raises:
+        BadInput: an unknown name, a wrong type, a value that is not finite or outside of its range.
+    """
+    known = types_of(declaration)
+    unknown = sorted(set(values) - set(known))
+    if unknown:
+        raise BadInput(f"{where}: unknown parameter '{unknown[0]}'; known are: {', '.join(known)}")
+    instance = declaration(**values)
+    check(instance, where)
+    return instance
+
+
+def check(instance: Any, where: str) -> None:
+    """Raises BadInput naming the first parameter whose value is of a wrong type or out of range."""
+    kinds = types_of(type(instance))
+    for name, limits in limits_of(type(instance)).items():
+        value = getattr(instance, name)
+        kind = kinds[name]
+        if not _is_of(value, kind):
+            raise BadInput(f"{where}: parameter '{name}' must be {_name_of(kind)}, not {value!r}")
+        if limits.choices is not None and value not in limits.choices:
+            raise BadInput(f"{where}: parameter '{name}' is {value!r}; choose one of: {', '.join(limits.choices)}")
+        if kind is int or kind is float:
+            low = -math.inf if limits.low is None else limits.low
+            high = math.inf if limits.high is None else limits.high
+            if not low <= value <= high or not math.isfinite(value):
+                unit = f" {limits.unit}" if limits.unit else ""
+                raise BadInput(f"{where}: parameter '{name}' is {value}, outside of [{low:g}, {high:g}]{unit}")
+
+
+def _is_of(value: Any, kind: Any) -> bool:
+    if kind is float:
+        return isinstance(value, float)
+    if kind is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    if kind == list[str]:
+        return isinstance(value, list) and all(isinstance(item, str) for item in value)  # pyright: ignore[reportUnknownVariableType]
+    return isinstance(value, kind)
+
+
+def _name_of(kind: Any) -> str:
+    names = {float: "a decimal number", int: "a whole number", str: "a text", bool: "true or false"}
+    return names.get(kind, str(kind))
