@@ -1,0 +1,62 @@
+"""Every constant of the simulator that is a choice: default, unit, bounds and meaning, in this one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fbql_common.core.parameters import parameter
+
+
+@dataclass(frozen=True)
+class SimulationParameters:
+    """What the physics and the task are made with; the field's dimensions are in fbql_common.core.field."""
+
+    dt_s: float = parameter(1 / 60, "duration of a step", unit="s", low=0.001, high=0.05)
+    substeps: int = parameter(4, "physics steps in a step", low=1, high=64)
+    max_steps: int = parameter(4000, "steps after which an episode is truncated", low=1, high=10_000_000)
+
+    robot_mass_kg: float = parameter(0.6, "mass of the robot", unit="kg", low=0.05, high=5.0)
+    wheel_acceleration_m_s2: float = parameter(
+        6.0, "limit of a wheel's acceleration along the ground", unit="m/s^2", low=0.1, high=100.0
+    )
+    lateral_grip_m_s2: float = parameter(
+        15.0, "deceleration by which the wheels stop sideways sliding", unit="m/s^2", low=0.0, high=1000.0
+    )
+
+    ball_mass_kg: float = parameter(0.046, "mass of the ball", unit="kg", low=0.001, high=1.0)
+    ball_roll_loss_1_s: float = parameter(
+        0.3374, "rate at which the rolling ball loses speed", unit="1/s", low=0.0, high=100.0
+    )
+    ball_rest_speed_m_s: float = parameter(
+        0.01, "speed below which the ball comes to rest", unit="m/s", low=0.0, high=0.1
+    )
+
+    ball_wall_restitution: float = parameter(0.45, "speed the ball keeps off a wall", low=0.0, high=1.0)
+    ball_robot_restitution: float = parameter(0.2, "relative speed the ball keeps off the robot", low=0.0, high=1.0)
+    ball_wall_friction: float = parameter(0.2, "friction coefficient of ball and wall", low=0.0, high=2.0)
+    ball_robot_friction: float = parameter(0.05, "friction coefficient of ball and robot", low=0.0, high=2.0)
+
+    start_distance_low_m: float = parameter(
+        0.05, "robot's least distance to its goal line", unit="m", low=0.04, high=0.5
+    )
+    start_distance_high_m: float = parameter(
+        0.15, "robot's largest distance to its goal line", unit="m", low=0.04, high=0.5
+    )
+    start_robot_y_jitter_m: float = parameter(
+        0.05, "largest |y| of the robot at the start", unit="m", low=0.0, high=0.5
+    )
+    start_yaw_jitter_rad: float = parameter(
+        0.2, "largest |yaw| of the robot at the start", unit="rad", low=0.0, high=3.2
+    )
+    start_ball_jitter_m: float = parameter(
+        0.05, "ball's largest distance to its spot along x and along y", unit="m", low=0.0, high=0.2
+    )
+    wheel_gain_deviation: float = parameter(
+        0.02, "standard deviation of each wheel's gain, constant in an episode", low=0.0, high=0.2
+    )
+    wheel_noise_deviation: float = parameter(
+        0.02, "standard deviation of each wheel's gain from step to step", low=0.0, high=0.2
+    )
+    collision_gap_s: float = parameter(
+        0.1, "a contact that resumes after a shorter gap is no new collision", unit="s", low=0.0, high=5.0
+    )

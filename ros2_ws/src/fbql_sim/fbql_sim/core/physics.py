@@ -1,0 +1,151 @@
+"""The bodies and their motion: robot, ball and walls in a pymunk space.
+
+Velocities are set between physics steps and the solved ones are read back, so a robot that a wall has stopped
+starts again from standstill. The bodies are read and set through pymunk's C functions: its attributes build a
+vector object per access, which would take several times as long as the physics. That is confined to this module.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from math import cos, exp, remainder, sin, tau
+from typing import Any, NamedTuple
+
+import pymunk
+from fbql_common.core.field import AXLE_M, BALL_RADIUS_M, MAX_WHEEL_RAD_S, ROBOT_SIDE_M, WHEEL_RADIUS_M
+
+from fbql_sim.core.arena import wall_blocks
+from fbql_sim.core.parameters import SimulationParameters
+
+C: Any = import_module("pymunk._chipmunk_cffi").lib
+"""pymunk's C functions; they have no type declarations."""
+
+ROBOT, BALL, WALL = 1, 2, 3
+"""Collision types."""
+
+SLOP_M = 0.0001
+"""Overlap the solver leaves between bodies in contact, so that contacts persist [m]."""
+
+
+class Start(NamedTuple):
+    """Where robot and ball stand at the start of an episode [m, rad]; both are at rest."""
+
+    robot_x_m: float
+    robot_y_m: float
+    robot_yaw_rad: float
+    ball_x_m: float
+    ball_y_m: float
+
+
+class Physics:
+    """Robot and ball between the walls; knows nothing of goals, episodes or noise.
+
+    After `reset` and each `step` the attributes hold the solved state: robot_x_m, robot_y_m, robot_yaw_rad in
+    (-pi, pi], robot_speed_m_s (along the heading), robot_slip_m_s (to the left of it), robot_yaw_rate_rad_s,
+    ball_x_m, ball_y_m, ball_vx_m_s, ball_vy_m_s, and robot_touched_wall: whether it did at any time in the step.
+    """
+
+    def __init__(self, parameters: SimulationParameters) -> None:
+        self._parameters = parameters
+        self._substeps = range(parameters.substeps)
+        self._substep_s = parameters.dt_s / parameters.substeps
+        self._keep = exp(-parameters.ball_roll_loss_1_s * parameters.dt_s)
+        self._rest_squared = parameters.ball_rest_speed_m_s**2
+        self._speed_change = parameters.wheel_acceleration_m_s2 * parameters.dt_s
+        self._slip_change = parameters.lateral_grip_m_s2 * parameters.dt_s
+        self.reset(Start(0.0, 0.0, 0.0, 0.5, 0.0))
+
+    def reset(self, start: Start) -> None:
+        """Puts robot and ball at rest where `start` says, in a new space.
+
+        A new one, because a space remembers contacts and the order of its shapes: episodes must not depend on
+        what was played before.
+        """
+        parameters = self._parameters
+        self._space = space = pymunk.Space()
+        space.collision_slop = SLOP_M
+        self._robot_body = robot = pymunk.Body(
+            parameters.robot_mass_kg, pymunk.moment_for_box(parameters.robot_mass_kg, (ROBOT_SIDE_M, ROBOT_SIDE_M))
+        )
+        robot.position, robot.angle = (start.robot_x_m, start.robot_y_m), start.robot_yaw_rad
+        ball_moment = 0.4 * parameters.ball_mass_kg * BALL_RADIUS_M**2
+        self._ball_body = ball = pymunk.Body(parameters.ball_mass_kg, ball_moment)
+        ball.position = (start.ball_x_m, start.ball_y_m)
+        # pymunk multiplies the two shapes' coefficients: with 1 for the ball the others are the pairs' own
+        robot_shape = pymunk.Poly.create_box(robot, (ROBOT_SIDE_M, ROBOT_SIDE_M))
+        _set_material(robot_shape, ROBOT, parameters.ball_robot_restitution, parameters.ball_robot_friction)
+        ball_shape = pymunk.Circle(ball, BALL_RADIUS_M)
+        _set_material(ball_shape, BALL, 1.0, 1.0)
+        walls = [pymunk.Poly(space.static_body, block) for block in wall_blocks()]
+        for wall in walls:
+            _set_material(wall, WALL, parameters.ball_wall_restitution, parameters.ball_wall_friction)
+        space.add(robot, robot_shape, ball, ball_shape, *walls)
+        self._wall_contacts = 0
+        self._touched = False
+        space.on_collision(ROBOT, WALL, begin=self._begin_contact, separate=self._end_contact)
+        self._c_space, self._c_robot, self._c_ball = _pointers(space, robot, ball)
+        self._read()
+
+    def step(self, left_rad_s: float, right_rad_s: float) -> None:
+        """Advances by dt under wheel velocities [rad/s], which are clipped to ±MAX_WHEEL_RAD_S."""
+        left = WHEEL_RADIUS_M * min(max(left_rad_s, -MAX_WHEEL_RAD_S), MAX_WHEEL_RAD_S)
+        right = WHEEL_RADIUS_M * min(max(right_rad_s, -MAX_WHEEL_RAD_S), MAX_WHEEL_RAD_S)
+        # each wheel's ground speed changes from the solved one by no more than the acceleration allows
+        limit = self._speed_change
+        speed, turn = self.robot_speed_m_s, self.robot_yaw_rate_rad_s * (AXLE_M / 2)
+        now_left, now_right = speed - turn, speed + turn
+        left = min(max(left, now_left - limit), now_left + limit)
+        right = min(max(right, now_right - limit), now_right + limit)
+        speed = (left + right) / 2
+        # the wheels' grip takes sideways speed away, as much as it can
+        slip, grip = self.robot_slip_m_s, self._slip_change
+        slip = slip - grip if slip > grip else slip + grip if slip < -grip else 0.0
+        cosine, sine = self._cosine, self._sine
+        robot, ball, space = self._c_robot, self._c_ball, self._c_space
+        C.cpBodySetVelocity(robot, (speed * cosine - slip * sine, speed * sine + slip * cosine))
+        C.cpBodySetAngularVelocity(robot, (right - left) / AXLE_M)
+
+        vx, vy = self.ball_vx_m_s, self.ball_vy_m_s
+        if vx or vy:
+            keep = self._keep if vx * vx + vy * vy >= self._rest_squared else 0.0
+            C.cpBodySetVelocity(ball, (vx * keep, vy * keep))
+            C.cpBodySetAngularVelocity(ball, C.cpBodyGetAngularVelocity(ball) * keep)
+
+        self._touched = self._wall_contacts > 0
+        advance, substep_s = C.cpSpaceStep, self._substep_s
+        for _ in self._substeps:
+            advance(space, substep_s)
+        self._read()
+
+    def _read(self) -> None:
+        robot, ball = self._c_robot, self._c_ball
+        position, velocity, angle = C.cpBodyGetPosition(robot), C.cpBodyGetVelocity(robot), C.cpBodyGetAngle(robot)
+        cosine, sine = cos(angle), sin(angle)
+        vx, vy = velocity.x, velocity.y
+        self._cosine, self._sine = cosine, sine
+        self.robot_x_m, self.robot_y_m = position.x, position.y
+        self.robot_yaw_rad = remainder(angle, tau)
+        self.robot_speed_m_s = vx * cosine + vy * sine
+        self.robot_slip_m_s = vy * cosine - vx * sine
+        self.robot_yaw_rate_rad_s = C.cpBodyGetAngularVelocity(robot)
+        position, velocity = C.cpBodyGetPosition(ball), C.cpBodyGetVelocity(ball)
+        self.ball_x_m, self.ball_y_m = position.x, position.y
+        self.ball_vx_m_s, self.ball_vy_m_s = velocity.x, velocity.y
+        self.robot_touched_wall = self._touched
+
+    def _begin_contact(self, _arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
+        self._wall_contacts += 1
+        self._touched = True
+
+    def _end_contact(self, _arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
+        self._wall_contacts -= 1
+
+
+def _set_material(shape: pymunk.Shape, collision_type: int, elasticity: float, friction: float) -> None:
+    shape.collision_type, shape.elasticity, shape.friction = collision_type, elasticity, friction
+
+
+def _pointers(space: pymunk.Space, robot: pymunk.Body, ball: pymunk.Body) -> tuple[Any, Any, Any]:
+    """The C objects behind pymunk's; they live as long as those."""
+    typed: list[Any] = [space, robot, ball]
+    return typed[0]._space, typed[1]._body, typed[2]._body
