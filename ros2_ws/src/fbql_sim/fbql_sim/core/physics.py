@@ -25,6 +25,8 @@ ROBOT, BALL, WALL = 1, 2, 3
 
 SLOP_M = 0.0001
 """Overlap the solver leaves between bodies in contact, so that contacts persist [m]."""
+OVERLAP_LOSS_1_S = 160.0
+"""Rate at which a deeper overlap is undone [1/s]: half of it in 1/240 s (pymunk's default takes 0.11 s)."""
 
 
 class Start(NamedTuple):
@@ -64,6 +66,7 @@ class Physics:
         parameters = self._parameters
         self._space = space = pymunk.Space()
         space.collision_slop = SLOP_M
+        space.collision_bias = exp(-OVERLAP_LOSS_1_S)  # pymunk wants the share left after 1 s
         self._robot_body = robot = pymunk.Body(
             parameters.robot_mass_kg, pymunk.moment_for_box(parameters.robot_mass_kg, (ROBOT_SIDE_M, ROBOT_SIDE_M))
         )
@@ -80,9 +83,8 @@ class Physics:
         for wall in walls:
             _set_material(wall, WALL, parameters.ball_wall_restitution, parameters.ball_wall_friction)
         space.add(robot, robot_shape, ball, ball_shape, *walls)
-        self._wall_contacts = 0
-        self._touched = False
-        space.on_collision(ROBOT, WALL, begin=self._begin_contact, separate=self._end_contact)
+        self._contacts = contacts = _WallContacts()
+        space.on_collision(ROBOT, WALL, begin=contacts.begin, separate=contacts.end)
         self._c_space, self._c_robot, self._c_ball = _pointers(space, robot, ball)
         self._read()
 
@@ -111,7 +113,8 @@ class Physics:
             C.cpBodySetVelocity(ball, (vx * keep, vy * keep))
             C.cpBodySetAngularVelocity(ball, C.cpBodyGetAngularVelocity(ball) * keep)
 
-        self._touched = self._wall_contacts > 0
+        contacts = self._contacts
+        contacts.touched = contacts.count > 0
         advance, substep_s = C.cpSpaceStep, self._substep_s
         for _ in self._substeps:
             advance(space, substep_s)
@@ -131,14 +134,25 @@ class Physics:
         position, velocity = C.cpBodyGetPosition(ball), C.cpBodyGetVelocity(ball)
         self.ball_x_m, self.ball_y_m = position.x, position.y
         self.ball_vx_m_s, self.ball_vy_m_s = velocity.x, velocity.y
-        self.robot_touched_wall = self._touched
+        self.robot_touched_wall = self._contacts.touched
 
-    def _begin_contact(self, _arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
-        self._wall_contacts += 1
-        self._touched = True
 
-    def _end_contact(self, _arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
-        self._wall_contacts -= 1
+class _WallContacts:
+    """The robot's contacts with walls in one space.
+
+    Each space has its own: a space that is freed ends its contacts then, which may be during a later episode.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.touched = False
+
+    def begin(self, _arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
+        self.count += 1
+        self.touched = True
+
+    def end(self, _arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
+        self.count -= 1
 
 
 def _set_material(shape: pymunk.Shape, collision_type: int, elasticity: float, friction: float) -> None:

@@ -1,0 +1,162 @@
+"""The simulator node: wheel commands come in, world states go out.
+
+Owns: the world loop, simulated time, the order of steps. Does not own: which episode is played next (it is asked
+by service) and what a command is worth.
+Publishes `world`, and for ROS tools `robot/pose`, `ball/pose`, `wall/pose`, `/clock`, `~/markers`, `/diagnostics`;
+subscribes `wheel_command`; serves `~/reset_episode`. Parameters: `SimulatorNodeParameters`, `SimulationParameters`.
+
+Lockstep (default): the world steps when the command for this very (episode, step) arrives; while none comes, the
+world state is published again now and then, so that a lost message or a late subscriber costs a moment, not the run.
+Real time: the world steps on the steady clock with the latest command, and with wheels at rest when that is too old.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import monotonic
+
+from fbql_common.core.parameters import parameter
+from fbql_common.core.types import WheelCommand
+from fbql_common.declare import declare_all
+from fbql_common.inputs import Input
+from fbql_common.spin import FAILED, GraphNode, spin
+from fbql_common.topics import STEP_QOS, WHEEL_COMMAND, WORLD
+from fbql_common.watch import steady_timer
+from fbql_common.wire import NS, decode_command, encode_world
+from fbql_msgs.msg import WorldState
+from fbql_msgs.srv import ResetEpisode
+
+from fbql_sim.core.parameters import SimulationParameters
+from fbql_sim.core.world_loop import WorldLoop
+from fbql_sim.views import Views
+
+IDLE_EPISODE = -1
+"""The episode before anybody asked for one: the start of `seed` is shown, and may be driven by hand."""
+
+
+@dataclass(frozen=True)
+class SimulatorNodeParameters:
+    """What the simulator node can be told beside the physics and the task."""
+
+    seed: int = parameter(0, "seed of the start that is shown before the first reset", low=0)
+    realtime: float = parameter(0.0, "speed relative to real time; 0: lockstep, as fast as commands come", low=0.0, high=100.0)
+    command_timeout_s: float = parameter(0.25, "real time: a command older than this stops the wheels", unit="s", low=0.01, high=10.0)
+    request_period_s: float = parameter(0.25, "a world state without answer is published again after this", unit="s", low=0.02, high=10.0)
+    lockstep_timeout_s: float = parameter(
+        0.0, "lockstep: an episode under way without a command for this long ends the run; 0: waits for ever", unit="s", low=0.0, high=3600.0
+    )
+
+
+class SimulatorNode(GraphNode):
+    """The robot soccer field as a node."""
+
+    def __init__(self) -> None:
+        super().__init__("simulator")
+        self._parameters, simulation = declare_all(self, SimulatorNodeParameters, SimulationParameters)
+        self._loop = WorldLoop(simulation)
+        self._world = self._loop.reset(IDLE_EPISODE, self._parameters.seed)
+        self._seed = self._parameters.seed
+        self._command: WheelCommand | None = None
+        self._command_s = float("-inf")
+        self._stopped = True
+        self._published_s = float("-inf")
+        self._stepped_s = monotonic()
+        self.steps = 0
+        self.missed_ticks = 0
+        self._publisher = self.create_publisher(WorldState, WORLD, STEP_QOS)
+        self._views = Views(self, always=self._parameters.realtime > 0)
+        self._input = Input(self, WheelCommand, WHEEL_COMMAND, decode_command, self._on_command, STEP_QOS)
+        self.create_service(ResetEpisode, "~/reset_episode", self._on_reset)
+        if self._parameters.realtime > 0:
+            self._period_s = self._loop.dt_s / self._parameters.realtime
+            self._timer = steady_timer(self, self._period_s, self._tick)
+        self._watch = steady_timer(self, min(self._parameters.request_period_s, 0.25), self._check)
+        mode = f"{self._parameters.realtime:g}x real time" if self._parameters.realtime > 0 else "lockstep"
+        self.get_logger().info(f"simulator: {mode}, step {1e3 * self._loop.dt_s:.1f} ms")
+
+    def _publish(self) -> None:
+        self._publisher.publish(encode_world(self._world))
+        self._views.show(self._world)
+        self._published_s = monotonic()
+
+    def _step(self, left_rad_s: float, right_rad_s: float) -> None:
+        self._world = self._loop.step(left_rad_s, right_rad_s)
+        self.steps += 1
+        self._stepped_s = monotonic()
+        self._publish()
+
+    def _on_command(self, command: WheelCommand, _data: bytes) -> None:
+        world = self._world
+        if self._parameters.realtime > 0:
+            if command.stamp_ns + self._parameters.command_timeout_s * NS < world.stamp_ns:
+                self._input.drop(f"the command's stamp is {(world.stamp_ns - command.stamp_ns) / NS:.2f} s old")
+                return
+            self._command, self._command_s = command, monotonic()
+        elif (command.episode, command.step) != (world.episode, world.step):
+            if command.stamp_ns > world.stamp_ns:
+                self._input.drop(f"a command for episode {command.episode}, step {command.step}, which is not there yet")
+            # An older one is the answer to a world state that was published twice: nothing to do.
+        elif not world.ended:
+            self._step(command.left_rad_s, command.right_rad_s)
+
+    def _tick(self) -> None:
+        if self._world.ended:
+            return
+        now = monotonic()
+        self.missed_ticks += max(0, round((now - self._stepped_s) / self._period_s) - 1)
+        fresh = now - self._command_s <= self._parameters.command_timeout_s
+        if self._stopped is fresh and self.steps:
+            self.get_logger().info("commands come: the wheels turn") if fresh else self.get_logger().warning(
+                f"no command for {self._parameters.command_timeout_s:g} s: the wheels are stopped"
+            )
+        self._stopped = not fresh
+        if fresh and self._command is not None:
+            self._step(self._command.left_rad_s, self._command.right_rad_s)
+        else:
+            self._step(0.0, 0.0)
+
+    def _on_reset(self, request: ResetEpisode.Request, response: ResetEpisode.Response) -> ResetEpisode.Response:
+        episode, seed = int(request.episode), int(request.seed)
+        if episode < 0 or seed < 0:
+            response.success, response.message = False, f"episode {episode} and seed {seed} must be 0 or more"
+            return response
+        if (self._world.episode, self._world.step, self._seed) != (episode, 0, seed):
+            self._world, self._seed = self._loop.reset(episode, seed), seed
+            self._command = None
+            self._command_s = float("-inf")
+        self._stepped_s = monotonic()
+        self._publish()
+        response.success = True
+        return response
+
+    def _check(self) -> None:
+        """Asks again for what did not come, and ends a run whose partner is gone."""
+        self._views.refresh(self)
+        if self._input.received == 0 and self._input.publishers() == 0:
+            self._input.check_types()
+        now = monotonic()
+        timeout_s = self._parameters.lockstep_timeout_s
+        under_way = self._world.step > 0 and not self._world.ended and self._parameters.realtime == 0
+        if under_way and 0 < timeout_s < now - self._stepped_s:
+            self.get_logger().error(
+                f"no command on {self._input.topic} for episode {self._world.episode}, step {self._world.step} "
+                f"within {timeout_s:g} s; publishers there: {self._input.publishers()}"
+            )
+            self.finish(FAILED)
+        elif now - self._published_s >= self._parameters.request_period_s:
+            self._publish()
+
+    def counts(self) -> dict[str, int]:
+        """What diagnostics show."""
+        return {
+            "episode": self._world.episode,
+            "step": self._world.step,
+            "steps": self.steps,
+            "missed_ticks": self.missed_ticks,
+            "commands_dropped": self._input.dropped,
+        }
+
+
+def main() -> int:
+    """Runs the simulator."""
+    return spin([SimulatorNode])
