@@ -61,8 +61,8 @@ class SimulatorNode(GraphNode):
         self._stopped = True
         self._published_s = float("-inf")
         self._stepped_s = monotonic()
-        self.steps = 0
-        self.missed_ticks = 0
+        self._steps = 0
+        self._missed_ticks = 0
         self._publisher = self.create_publisher(WorldState, WORLD, STEP_QOS)
         self._views = Views(self, always=self._parameters.realtime > 0)
         self._input = Input(self, WheelCommand, WHEEL_COMMAND, decode_command, self._on_command, STEP_QOS)
@@ -81,7 +81,7 @@ class SimulatorNode(GraphNode):
 
     def _step(self, left_rad_s: float, right_rad_s: float) -> None:
         self._world = self._loop.step(left_rad_s, right_rad_s)
-        self.steps += 1
+        self._steps += 1
         self._stepped_s = monotonic()
         self._publish()
 
@@ -103,12 +103,12 @@ class SimulatorNode(GraphNode):
         if self._world.ended:
             return
         now = monotonic()
-        self.missed_ticks += max(0, round((now - self._stepped_s) / self._period_s) - 1)
+        self._missed_ticks += max(0, round((now - self._stepped_s) / self._period_s) - 1)
         fresh = now - self._command_s <= self._parameters.command_timeout_s
-        if self._stopped is fresh and self.steps:
-            self.get_logger().info("commands come: the wheels turn") if fresh else self.get_logger().warning(
-                f"no command for {self._parameters.command_timeout_s:g} s: the wheels are stopped"
-            )
+        if self._stopped and fresh:
+            self.get_logger().info("commands come: the wheels turn")
+        elif not self._stopped and not fresh:
+            self.get_logger().warning(f"no command for {self._parameters.command_timeout_s:g} s: the wheels are stopped")
         self._stopped = not fresh
         if fresh and self._command is not None:
             self._step(self._command.left_rad_s, self._command.right_rad_s)
@@ -131,7 +131,7 @@ class SimulatorNode(GraphNode):
 
     def _check(self) -> None:
         """Asks again for what did not come, and ends a run whose partner is gone."""
-        self._views.refresh(self)
+        self._views.refresh(self._counts())
         if self._input.received == 0 and self._input.publishers() == 0:
             self._input.check_types()
         now = monotonic()
@@ -146,13 +146,12 @@ class SimulatorNode(GraphNode):
         elif now - self._published_s >= self._parameters.request_period_s:
             self._publish()
 
-    def counts(self) -> dict[str, int]:
-        """What diagnostics show."""
+    def _counts(self) -> dict[str, int]:
         return {
             "episode": self._world.episode,
             "step": self._world.step,
-            "steps": self.steps,
-            "missed_ticks": self.missed_ticks,
+            "steps": self._steps,
+            "missed_ticks": self._missed_ticks,
             "commands_dropped": self._input.dropped,
         }
 

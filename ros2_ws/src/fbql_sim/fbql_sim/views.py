@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import cos, sin
-from typing import TYPE_CHECKING
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -12,14 +12,12 @@ from fbql_common.core.types import FIELD_FRAME, World
 from fbql_common.topics import BALL_POSE, CLOCK, DIAGNOSTICS, POSE_QOS, ROBOT_POSE, WALL_POSE
 from fbql_common.wire import NS
 from geometry_msgs.msg import Point, PoseStamped
+from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from fbql_sim.core.arena import wall_segments
-
-if TYPE_CHECKING:
-    from fbql_sim.simulator_node import SimulatorNode
+from fbql_sim.core.arena import SEGMENTS
 
 _WALL_M = 0.05
 _ORANGE = (1.0, 0.5, 0.0)
@@ -52,7 +50,8 @@ class Views:
         always: publish every world state (real time); otherwise only what has a subscriber, looked up by refresh().
     """
 
-    def __init__(self, node: SimulatorNode, always: bool) -> None:
+    def __init__(self, node: Node, always: bool) -> None:
+        self._node = node
         self._always = always
         self._poses = [node.create_publisher(PoseStamped, topic, POSE_QOS) for topic in (ROBOT_POSE, BALL_POSE, WALL_POSE)]
         self._clock = node.create_publisher(Clock, CLOCK, POSE_QOS)
@@ -62,14 +61,14 @@ class Views:
         self._show_markers = False
         self._refreshes = 0
 
-    def refresh(self, node: SimulatorNode) -> None:
-        """Looks who subscribes; to be called a few times a second. Publishes diagnostics about once a second."""
+    def refresh(self, counts: Mapping[str, int]) -> None:
+        """Looks who subscribes; to be called a few times a second. Publishes the counts about once a second."""
         self._show_poses = self._always or any(publisher.get_subscription_count() for publisher in self._poses)
         self._show_clock = self._always or self._clock.get_subscription_count() > 0
         self._show_markers = self._markers.get_subscription_count() > 0
         self._refreshes += 1
         if self._refreshes % 4 == 0:
-            self._diagnostics.publish(_diagnostics_msg(node))
+            self._diagnostics.publish(self._diagnostics_msg(counts))
 
     def show(self, world: World) -> None:
         """Publishes what is looked at."""
@@ -83,20 +82,18 @@ class Views:
         if self._show_markers:
             self._markers.publish(markers_msg(world))
 
-
-def _diagnostics_msg(node: SimulatorNode) -> DiagnosticArray:
-    counts = node.counts()
-    troubled = counts["missed_ticks"] or counts["commands_dropped"]
-    status = DiagnosticStatus(
-        level=DiagnosticStatus.WARN if troubled else DiagnosticStatus.OK,
-        name=f"{node.get_fully_qualified_name()[1:]}: world",
-        message=f"episode {counts['episode']}, step {counts['step']}",
-        hardware_id="simulation",
-        values=[KeyValue(key=key, value=str(value)) for key, value in counts.items()],
-    )
-    message = DiagnosticArray(status=[status])
-    message.header.stamp = node.get_clock().now().to_msg()
-    return message
+    def _diagnostics_msg(self, counts: Mapping[str, int]) -> DiagnosticArray:
+        troubled = counts["missed_ticks"] or counts["commands_dropped"]
+        status = DiagnosticStatus(
+            level=DiagnosticStatus.WARN if troubled else DiagnosticStatus.OK,
+            name=f"{self._node.get_fully_qualified_name()[1:]}: world",
+            message=f"episode {counts['episode']}, step {counts['step']}",
+            hardware_id="simulation",
+            values=[KeyValue(key=key, value=str(value)) for key, value in counts.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        return message
 
 
 def markers_msg(world: World) -> MarkerArray:
@@ -104,8 +101,7 @@ def markers_msg(world: World) -> MarkerArray:
     header = Header(stamp=_stamp(world.stamp_ns), frame_id=FIELD_FRAME)
     ground = _marker(header, "ground", Marker.CUBE, _GREEN, (FIELD.length_m, FIELD.width_m, 0.002), (0.0, 0.0, -0.002, 0.0))
     walls = _marker(header, "walls", Marker.LINE_LIST, _WHITE, (0.01, 0.0, 0.0), (0.0, 0.0, _WALL_M / 2, 0.0))
-    for x1, y1, x2, y2 in wall_segments(FIELD):
-        walls.points += [Point(x=float(x1), y=float(y1)), Point(x=float(x2), y=float(y2))]
+    walls.points = [Point(x=float(x_m), y=float(y_m)) for segment in SEGMENTS for x_m, y_m in segment]
     robot = (world.robot_x_m, world.robot_y_m, ROBOT_SIDE_M / 2, world.robot_yaw_rad)
     heading = (world.robot_x_m, world.robot_y_m, ROBOT_SIDE_M, world.robot_yaw_rad)
     ball = (world.ball_x_m, world.ball_y_m, BALL_RADIUS_M, 0.0)

@@ -1,0 +1,85 @@
+"""The behavior node: a world state comes in, the tree's reference wheel velocities go out.
+
+Owns: one tree. Does not own: time, the order of steps, what happens with its references.
+Subscribes `world`; publishes `behaviors/<name>`. It keeps no state between steps, so that a world state that is
+asked again gets the same answer. Parameters: `BehaviorNodeParameters`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from fbql_common.core.errors import BadInput
+from fbql_common.core.parameters import parameter
+from fbql_common.core.types import World
+from fbql_common.declare import declare_parameters
+from fbql_common.inputs import Input
+from fbql_common.spin import GraphNode, spin
+from fbql_common.topics import STEP_QOS, WORLD, behavior_topic
+from fbql_common.watch import WorldWatch
+from fbql_common.wire import decode_world, encode_output
+from fbql_msgs.msg import BehaviorOutput
+
+from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.storage import load_tree
+
+
+@dataclass(frozen=True)
+class BehaviorNodeParameters:
+    """What a behavior node can be told."""
+
+    tree_file: str = parameter("", "tree file to run; empty: the tree that ships for this behavior")
+    name: str = parameter("", "name of the behavior, and so its topic behaviors/<name>; empty: the tree file's")
+
+
+class BehaviorNode(GraphNode):
+    """One behavior, with the tree that ships for `behavior_name`, or the one that `tree_file` names."""
+
+    def __init__(self, behavior_name: str = "") -> None:
+        super().__init__(behavior_name or "behavior")
+        parameters = declare_parameters(self, BehaviorNodeParameters)
+        path = Path(parameters.tree_file) if parameters.tree_file else _shipped(behavior_name)
+        tree = load_tree(path)
+        self._behavior = Behavior(parameters.name or behavior_name or tree.behavior, tree)
+        self._publisher = self.create_publisher(BehaviorOutput, behavior_topic(self._behavior.name), STEP_QOS)
+        self._input = Input(self, World, WORLD, decode_world, self._on_world, STEP_QOS)
+        self._watch = WorldWatch(self, self._input)
+        self.get_logger().info(f"{self._behavior.name}: {tree.leaf_count} leaves, tree {tree.hash[:12]}, from {path.name}")
+
+    def _on_world(self, world: World, _data: bytes) -> None:
+        if not self._watch.accept(world):
+            return
+        self._publisher.publish(encode_output(self._behavior.answer(world)))
+
+    def close(self) -> None:
+        if self._behavior.clamped_count:
+            self.get_logger().info(f"{self._behavior.clamped_count} observations lay outside the tree's root region and were clamped")
+
+
+def _shipped(behavior_name: str) -> Path:
+    if not behavior_name:
+        raise BadInput("behavior: no tree to run; say which with --ros-args -p tree_file:=FILE")
+    return Path(get_package_share_directory("fbql_behaviors")) / "trees" / f"{behavior_name}.json"
+
+
+def ball_seeking() -> int:
+    """Runs the ball-seeking behavior."""
+    return spin([partial(BehaviorNode, "ball_seeking")])
+
+
+def wall_avoiding() -> int:
+    """Runs the wall-avoiding behavior."""
+    return spin([partial(BehaviorNode, "wall_avoiding")])
+
+
+def approaching() -> int:
+    """Runs the approaching behavior."""
+    return spin([partial(BehaviorNode, "approaching")])
+
+
+def behavior() -> int:
+    """Runs any tree: `--ros-args -p tree_file:=FILE`."""
+    return spin([BehaviorNode])

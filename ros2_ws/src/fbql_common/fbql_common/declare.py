@@ -1,0 +1,84 @@
+"""Declares a parameter dataclass (fbql_common.core.parameters) on a node and reads it back, once, before the first step."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from fbql_common.core.errors import BadInput
+from fbql_common.core.parameters import Limits, defaults_of, from_mapping, limits_of, types_of
+
+T = TypeVar("T")
+
+_TYPES = {
+    bool: Parameter.Type.BOOL,
+    int: Parameter.Type.INTEGER,
+    float: Parameter.Type.DOUBLE,
+    str: Parameter.Type.STRING,
+    list[str]: Parameter.Type.STRING_ARRAY,
+}
+_INT64 = 2**63 - 1
+_ALWAYS_THERE = ("use_sim_time", "start_type_description_service")
+
+
+def _descriptor(kind: Any, limits: Limits) -> ParameterDescriptor:
+    unit = f" [{limits.unit}]" if limits.unit else ""
+    descriptor = ParameterDescriptor(description=f"{limits.description}{unit}", read_only=True)
+    if limits.choices is not None:
+        descriptor.additional_constraints = f"one of: {', '.join(limits.choices)}"
+    if kind is int:
+        low = -_INT64 if limits.low is None else int(limits.low)
+        high = _INT64 if limits.high is None else int(limits.high)
+        descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=0)]
+    if kind is float:
+        low = -1e308 if limits.low is None else float(limits.low)
+        high = 1e308 if limits.high is None else float(limits.high)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
+    return descriptor
+
+
+def declare_parameters(node: Node, declaration: type[T]) -> T:
+    """Declares every field as a read-only parameter with type, range and description; gives the typed values.
+
+    Raises:
+        BadInput: a parameter that the node does not know (a misspelt name in a YAML file would otherwise be
+            ignored silently), one of a wrong type, or one out of its range.
+    """
+    return declare_all(node, declaration)[0]
+
+
+def declare_all(node: Node, *declarations: type[Any]) -> tuple[Any, ...]:
+    """declare_parameters for several declarations that share one node."""
+    where = node.get_fully_qualified_name()
+    known = [name for declaration in declarations for name in types_of(declaration)]
+    for name in node._parameter_overrides:
+        if name not in known and name not in _ALWAYS_THERE and not name.startswith("qos_overrides."):
+            raise BadInput(f"{where}: unknown parameter '{name}'; known are: {', '.join(known)}")
+    return tuple(_declare(node, declaration, where) for declaration in declarations)
+
+
+def _declare(node: Node, declaration: type[T], where: str) -> T:
+    kinds, limits, values = types_of(declaration), limits_of(declaration), {}
+    for name, default in defaults_of(declaration).items():
+        override = node._parameter_overrides.get(name)
+        if override is not None:
+            kind = kinds[name]
+            if override.type_ != _TYPES[kind] and not (kind == list[str] and override.value == []):
+                hint = f"; write {override.value}.0" if kind is float and type(override.value) is int else ""
+                raise BadInput(
+                    f"{where}: parameter '{name}' must be {_TYPES[kind].name.lower()}, "
+                    f"not {override.type_.name.lower()} {override.value!r}{hint}"
+                )
+            value = list(override.value) if kind == list[str] else override.value
+            from_mapping(declaration, {name: value}, where)
+        try:
+            values[name] = node.declare_parameter(name, default, _descriptor(kinds[name], limits[name])).value
+        except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+            raise BadInput(f"{where}: {error}") from None
+        if kinds[name] == list[str]:
+            values[name] = list(values[name])
+    return from_mapping(declaration, values, where)

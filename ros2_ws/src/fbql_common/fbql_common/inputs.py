@@ -1,0 +1,101 @@
+"""A node's input: one subscription to bytes that decodes them, drops what must not be acted on, and says why.
+
+It owns what every input of every node needs: counting and throttled warnings, the error for a publisher whose
+QoS or type does not match, the age of the last message. It does not decide what a missing input means.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import monotonic
+from typing import Any, Generic, TypeVar
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, qos_policy_name_from_kind
+
+from fbql_common.wire import MESSAGES, Rejected
+
+T = TypeVar("T")
+
+WARN_PERIOD_S = 1.0
+
+
+class Input(Generic[T]):
+    """Subscribes `node` to `topic` and hands (value, bytes) of each sound message to `deliver`.
+
+    Args:
+        kind: the domain type, whose message type the topic must carry.
+        decode: bytes -> value, raising Rejected (fbql_common.wire).
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        kind: type[T],
+        topic: str,
+        decode: Callable[[bytes], T],
+        deliver: Callable[[T, bytes], None],
+        qos: QoSProfile,
+    ) -> None:
+        self._node = node
+        self._decode = decode
+        self._deliver = deliver
+        self._message = MESSAGES[kind]
+        self.received = 0
+        self.dropped = 0
+        self._last_s: float | None = None
+        self._warned_s = float("-inf")
+        self._mismatches: set[str] = set()
+        self._subscription = node.create_subscription(
+            self._message,
+            topic,
+            self._on_bytes,
+            qos,
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible_qos),
+        )
+        self.topic = self._subscription.topic_name
+        type_name = self._message.__module__.split(".")
+        self.type_name = f"{type_name[0]}/msg/{self._message.__name__}"
+
+    def _on_bytes(self, data: bytes) -> None:
+        try:
+            value = self._decode(data)
+        except Rejected as reason:
+            self.drop(str(reason))
+            return
+        self.received += 1
+        self._last_s = monotonic()
+        self._deliver(value, data)
+
+    def drop(self, reason: str) -> None:
+        """Counts a message that is not acted on, and warns at most once a second."""
+        self.dropped += 1
+        now = monotonic()
+        if now - self._warned_s >= WARN_PERIOD_S:
+            self._warned_s = now
+            self._node.get_logger().warning(f"dropped a message on {self.topic}: {reason} ({self.dropped} dropped so far)")
+
+    def age_s(self) -> float | None:
+        """Time since the last sound message [s], on the steady clock; None before the first."""
+        return None if self._last_s is None else monotonic() - self._last_s
+
+    def publishers(self) -> int:
+        """How many matching publishers there are."""
+        return self._subscription.get_publisher_count()
+
+    def check_types(self) -> None:
+        """Logs an ERROR, once, for each publisher of another type: DDS keeps such a mismatch silent."""
+        for info in self._node.get_publishers_info_by_topic(self.topic):
+            if info.topic_type != self.type_name:
+                self._mismatch(f"{self.topic}: node '{info.node_name}' publishes {info.topic_type}, expected {self.type_name}")
+
+    def _on_incompatible_qos(self, event: Any) -> None:
+        policy = qos_policy_name_from_kind(event.last_policy_kind)
+        self._mismatch(f"{self.topic}: a publisher's QoS is incompatible in {policy}; nothing of it will arrive")
+
+    def _mismatch(self, text: str) -> None:
+        if text not in self._mismatches:
+            self._mismatches.add(text)
+            self._node.get_logger().error(text)

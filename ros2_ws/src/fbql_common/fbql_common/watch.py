@@ -1,0 +1,73 @@
+"""A steady watchdog over the world states that a node lives on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.timer import Timer
+
+from fbql_common.core.types import World
+from fbql_common.inputs import Input
+
+PAUSED_AFTER_S = 2.0
+_PERIOD_S = 0.5
+
+
+def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> Timer:
+    """A timer on the steady clock: it runs whatever simulated or wall time does (timers run on ROS time by default)."""
+    return node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+class WorldWatch:
+    """Judges the order of world states; says once when the first one is missing, when they pause and go on.
+
+    It owns the node's idea of "older" and "zero stamp"; it does not own the input itself.
+    """
+
+    def __init__(self, node: Node, world_input: Input[World]) -> None:
+        self._node = node
+        self._input = world_input
+        self._last_ns = 0
+        self._clock_ready = False
+        self._warned_zero = False
+        self._waited = 0
+        self._paused = False
+        self._timer = steady_timer(node, _PERIOD_S, self._check)
+
+    def accept(self, world: World) -> bool:
+        """False for a world state that is older than the last (counted), or that comes before /clock does."""
+        if not self._clock_ready and self._waits_for_clock():
+            self._input.drop("use_sim_time is set and no /clock has come yet")
+            return False
+        if world.stamp_ns < self._last_ns and world.step != 0:
+            self._input.drop(f"episode {world.episode}, step {world.step} is older than the last")
+            return False
+        if world.stamp_ns == 0 and not self._warned_zero:
+            self._warned_zero = True
+            self._node.get_logger().warning(f"{self._input.topic}: a world state has no stamp (said once)")
+        self._last_ns = world.stamp_ns
+        return True
+
+    def _waits_for_clock(self) -> bool:
+        clock = self._node.get_clock()
+        self._clock_ready = not clock.ros_time_is_active or clock.now().nanoseconds > 0
+        return not self._clock_ready
+
+    def _check(self) -> None:
+        age_s = self._input.age_s()
+        if age_s is None:
+            if self._input.publishers() == 0:
+                self._input.check_types()
+                self._waited += 1
+                if self._waited % 10 == 4:
+                    self._node.get_logger().info(f"waiting for a simulator on {self._input.topic}")
+            return
+        paused = age_s > PAUSED_AFTER_S
+        if paused and not self._paused:
+            self._node.get_logger().warning(f"simulation paused: no world state on {self._input.topic} for {age_s:.1f} s")
+        if self._paused and not paused:
+            self._node.get_logger().info("simulation goes on")
+        self._paused = paused

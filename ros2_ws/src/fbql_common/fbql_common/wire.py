@@ -1,0 +1,131 @@
+"""The one place where domain types become bytes on the wire, and bytes domain types.
+
+Every message of ours is published as bytes made here and received as bytes (`raw=True`) read here; the same bytes
+are recorded. The layout is read from the generated message classes, so it can't drift from the .msg files.
+Encoding checks types (a wrong one raises TypeError before anything is published); decoding rejects what a node
+must not act on, with the reason.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from fbql_msgs.msg import BehaviorOutput as BehaviorOutputMsg
+from fbql_msgs.msg import FusionDecision as FusionDecisionMsg
+from fbql_msgs.msg import WheelCommand as WheelCommandMsg
+from fbql_msgs.msg import WorldState as WorldStateMsg
+from std_msgs.msg import Header
+
+from fbql_common.core.cdr import Codec, Malformed
+from fbql_common.core.types import FIELD_FRAME, BehaviorOutput, Decision, WheelCommand, World
+
+NS = 1_000_000_000
+MESSAGES = {BehaviorOutput: BehaviorOutputMsg, Decision: FusionDecisionMsg, WheelCommand: WheelCommandMsg, World: WorldStateMsg}
+_NESTED = {"std_msgs/Header": Header, "builtin_interfaces/Time": Time}
+_UNBOUNDED = {"double": "float64", "boolean": "bool", "octet": "uint8"}
+
+
+class Rejected(ValueError):
+    """A message that arrived and is not acted on; the text is the reason."""
+
+
+def _kinds(message: Any) -> list[str]:
+    kinds: list[str] = []
+    for kind in message.get_fields_and_field_types().values():
+        if kind in _NESTED:
+            kinds += _kinds(_NESTED[kind])
+            continue
+        element = kind.removeprefix("sequence<").removesuffix(">")
+        kinds.append(kind.replace(element, _UNBOUNDED.get(element, element)))
+    return kinds
+
+
+_WORLD = Codec(_kinds(WorldStateMsg))
+_OUTPUT = Codec(_kinds(BehaviorOutputMsg))
+_COMMAND = Codec(_kinds(WheelCommandMsg))
+_DECISION = Codec(_kinds(FusionDecisionMsg))
+
+
+def _header(stamp_ns: int) -> tuple[int, int, str]:
+    return stamp_ns // NS, stamp_ns % NS, FIELD_FRAME
+
+
+def _read(codec: Codec, data: bytes) -> tuple[int, list[Any]]:
+    """The stamp [ns] and the fields behind the header."""
+    try:
+        values = codec.decode(data)
+    except Malformed as error:
+        raise Rejected(f"malformed: {error}") from None
+    sec, nanosec, frame = values[0], values[1], values[2]
+    if frame != FIELD_FRAME:
+        raise Rejected(f"frame_id is '{frame}', expected '{FIELD_FRAME}'")
+    return sec * NS + nanosec, values[3:]  # pyright: ignore
+
+
+def encode_world(world: World) -> bytes:
+    """World -> CDR of fbql_msgs/WorldState. Raises TypeError."""
+    return _WORLD.encode((*_header(world.stamp_ns), *world[1:]))
+
+
+def decode_world(data: bytes) -> World:
+    """CDR of fbql_msgs/WorldState -> World.
+
+    Raises:
+        Rejected: malformed, of another frame, or with a pose or velocity that is not finite.
+    """
+    stamp_ns, values = _read(_WORLD, data)
+    world = World(stamp_ns, *values)
+    if not isfinite(sum(world[3:15])):
+        raise Rejected("a pose or velocity is not finite")
+    return world
+
+
+def encode_output(output: BehaviorOutput) -> bytes:
+    """BehaviorOutput -> CDR of fbql_msgs/BehaviorOutput. Raises TypeError."""
+    return _OUTPUT.encode((*_header(output.stamp_ns), *output[1:]))
+
+
+def decode_output(data: bytes) -> BehaviorOutput:
+    """CDR of fbql_msgs/BehaviorOutput -> BehaviorOutput.
+
+    Raises:
+        Rejected: malformed, of another frame, a reference that is not finite, or a leaf_id that the tree has not.
+    """
+    stamp_ns, values = _read(_OUTPUT, data)
+    output = BehaviorOutput(stamp_ns, *values)
+    if not isfinite(output.left_rad_s + output.right_rad_s):
+        raise Rejected("a reference is not finite")
+    if not 0 <= output.leaf_id < output.leaf_count:
+        raise Rejected(f"leaf_id {output.leaf_id} is outside of 0..{output.leaf_count - 1}")
+    return output
+
+
+def encode_command(command: WheelCommand) -> bytes:
+    """WheelCommand -> CDR of fbql_msgs/WheelCommand. Raises TypeError."""
+    return _COMMAND.encode((*_header(command.stamp_ns), *command[1:]))
+
+
+def decode_command(data: bytes) -> WheelCommand:
+    """CDR of fbql_msgs/WheelCommand -> WheelCommand.
+
+    Raises:
+        Rejected: malformed, of another frame, or a wheel velocity that is not finite.
+    """
+    stamp_ns, values = _read(_COMMAND, data)
+    command = WheelCommand(stamp_ns, *values)
+    if not isfinite(command.left_rad_s + command.right_rad_s):
+        raise Rejected("a wheel velocity is not finite")
+    return command
+
+
+def encode_decision(decision: Decision) -> bytes:
+    """Decision -> CDR of fbql_msgs/FusionDecision. Raises TypeError."""
+    return _DECISION.encode((*_header(decision.stamp_ns), *decision[1:]))
+
+
+def decode_decision(data: bytes) -> Decision:
+    """CDR of fbql_msgs/FusionDecision -> Decision. Raises Rejected: malformed or of another frame."""
+    stamp_ns, values = _read(_DECISION, data)
+    return Decision(stamp_ns, *values)
