@@ -125,7 +125,7 @@ def closest_wall_point(x_m: float, y_m: float) -> tuple[float, float, float]:
             if dx * dx + dy * dy < best:
                 x, y, nx, ny = cx, cy, -1.0, -1.0
     if x_m < 0.0:
-        x, nx = -x, -nx
+        x, nx = -x, 0.0 - nx
     if y_m < 0.0:
-        y, ny = -y, -ny
+        y, ny = -y, 0.0 - ny  # never -0.0, whose direction would be -pi
     return x, y, atan2(ny, nx)

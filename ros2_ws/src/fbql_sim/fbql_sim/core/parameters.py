@@ -31,7 +31,7 @@ class SimulationParameters:
         0.01, "speed below which the ball comes to rest", unit="m/s", low=0.0, high=0.1
     )
 
-    ball_wall_restitution: float = parameter(0.45, "speed the ball keeps off a wall", low=0.0, high=1.0)
+    ball_wall_restitution: float = parameter(0.4525, "speed the ball keeps off a wall", low=0.0, high=1.0)
     ball_robot_restitution: float = parameter(0.2, "relative speed the ball keeps off the robot", low=0.0, high=1.0)
     ball_wall_friction: float = parameter(0.2, "friction coefficient of ball and wall", low=0.0, high=2.0)
     ball_robot_friction: float = parameter(0.05, "friction coefficient of ball and robot", low=0.0, high=2.0)

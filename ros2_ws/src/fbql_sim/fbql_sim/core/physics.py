@@ -8,11 +8,12 @@ vector object per access, which would take several times as long as the physics.
 from __future__ import annotations
 
 from importlib import import_module
-from math import cos, exp, remainder, sin, tau
+from math import cos, exp, sin
 from typing import Any, NamedTuple
 
 import pymunk
 from fbql_common.core.field import AXLE_M, BALL_RADIUS_M, MAX_WHEEL_RAD_S, ROBOT_SIDE_M, WHEEL_RADIUS_M
+from fbql_common.core.geometry import wrap_angle
 
 from fbql_sim.core.arena import wall_blocks
 from fbql_sim.core.parameters import SimulationParameters
@@ -30,13 +31,15 @@ OVERLAP_LOSS_1_S = 160.0
 
 
 class Start(NamedTuple):
-    """Where robot and ball stand at the start of an episode [m, rad]; both are at rest."""
+    """Where robot and ball stand at the start of an episode [m, rad]; the robot is at rest, the ball may roll [m/s]."""
 
     robot_x_m: float
     robot_y_m: float
     robot_yaw_rad: float
     ball_x_m: float
     ball_y_m: float
+    ball_vx_m_s: float = 0.0
+    ball_vy_m_s: float = 0.0
 
 
 class Physics:
@@ -58,7 +61,7 @@ class Physics:
         self.reset(Start(0.0, 0.0, 0.0, 0.5, 0.0))
 
     def reset(self, start: Start) -> None:
-        """Puts robot and ball at rest where `start` says, in a new space.
+        """Puts robot and ball where `start` says, in a new space.
 
         A new one, because a space remembers contacts and the order of its shapes: episodes must not depend on
         what was played before.
@@ -74,6 +77,7 @@ class Physics:
         ball_moment = 0.4 * parameters.ball_mass_kg * BALL_RADIUS_M**2
         self._ball_body = ball = pymunk.Body(parameters.ball_mass_kg, ball_moment)
         ball.position = (start.ball_x_m, start.ball_y_m)
+        ball.velocity = (start.ball_vx_m_s, start.ball_vy_m_s)
         # pymunk multiplies the two shapes' coefficients: with 1 for the ball the others are the pairs' own
         robot_shape = pymunk.Poly.create_box(robot, (ROBOT_SIDE_M, ROBOT_SIDE_M))
         _set_material(robot_shape, ROBOT, parameters.ball_robot_restitution, parameters.ball_robot_friction)
@@ -127,7 +131,7 @@ class Physics:
         vx, vy = velocity.x, velocity.y
         self._cosine, self._sine = cosine, sine
         self.robot_x_m, self.robot_y_m = position.x, position.y
-        self.robot_yaw_rad = remainder(angle, tau)
+        self.robot_yaw_rad = wrap_angle(angle)
         self.robot_speed_m_s = vx * cosine + vy * sine
         self.robot_slip_m_s = vy * cosine - vx * sine
         self.robot_yaw_rate_rad_s = C.cpBodyGetAngularVelocity(robot)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from fbql_common.core.errors import BadInput
 from fbql_common.core.field import BALL_RADIUS_M, FIELD, FREE_BALL_SPOTS_M
 
 from fbql_sim.core.parameters import SimulationParameters
@@ -35,6 +36,11 @@ class Task:
     """Score with a ball that lies on a free-ball spot, starting before the own goal; all chance is from one seed."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
+        if parameters.start_distance_low_m > parameters.start_distance_high_m:
+            raise BadInput(
+                f"start_distance_low_m {parameters.start_distance_low_m} is above "
+                f"start_distance_high_m {parameters.start_distance_high_m}: make it the smaller one"
+            )
         self._parameters = parameters
         self._gap_steps = round(parameters.collision_gap_s / parameters.dt_s)
         self._max_steps = parameters.max_steps
