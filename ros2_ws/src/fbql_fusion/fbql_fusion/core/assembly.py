@@ -78,9 +78,7 @@ class StepAssembly:
 
     def answer_data(self) -> list[bytes]:
         """The bytes of answers(), empty where there is none."""
-        return [
-            data if answer is not None else b"" for answer, data in zip(self.answers(), self._data, strict=True)
-        ]
+        return [data if answer is not None else b"" for answer, data in zip(self.answers(), self._data, strict=True)]
 
     def missing(self) -> list[str]:
         """Names of the behaviors that have not answered the world state of the step."""

@@ -1,0 +1,128 @@
+"""What is counted: episodes, the run's summary, and the digest that says whether two runs are the same.
+
+A timeout is no success; guided episodes are recorded, but count in nothing except the number of steps.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from fbql_common.core.types import Phase, World
+
+OUTCOMES = ("goal", "own_goal", "timeout")
+
+
+@dataclass(frozen=True)
+class EpisodeRecord:
+    """One finished episode."""
+
+    index: int
+    phase: Phase
+    seed: int
+    outcome: str
+    """One of OUTCOMES."""
+    steps: int
+    collisions_begun: int
+    collision_steps: int
+    return_: float
+    """Sum of the rewards, not discounted (`return` in episodes.csv)."""
+    degraded: bool
+    """A step or a behavior's answer was missing; nothing was learned from there on."""
+
+
+class Summary(NamedTuple):
+    """A run's result: the keys of summary.json. None where there is nothing to divide by or nobody measured."""
+
+    controller: str
+    seed: int
+    episodes: int
+    goals: int
+    own_goals: int
+    timeouts: int
+    success_rate: float | None
+    """goals / episodes"""
+    cost_per_goal: float | None
+    """All steps of all episodes / goals."""
+    mean_steps_per_goal: float | None
+    """Steps of the episodes that ended in a goal / goals."""
+    collisions_begun: int
+    collision_steps: int
+    steps: int
+    """Every step that was driven: of guided episodes and of an unfinished one too."""
+    wall_s: float | None
+    steps_per_s: float | None
+    digest: str
+    messages_recorded: int
+    incomplete: bool
+    """Something that should have been recorded was not."""
+
+
+def summarise(
+    controller: str,
+    seed: int,
+    records: Sequence[EpisodeRecord],
+    steps: int,
+    digest: str,
+    wall_s: float | None = None,
+    messages_recorded: int = 0,
+    incomplete: bool = False,
+) -> Summary:
+    """The summary of a run from its episodes, its number of steps and its digest."""
+    counted = [record for record in records if record.phase is not Phase.GUIDED]
+    steps_to_goal = [record.steps for record in counted if record.outcome == "goal"]
+    goals = len(steps_to_goal)
+    return Summary(
+        controller=controller,
+        seed=seed,
+        episodes=len(counted),
+        goals=goals,
+        own_goals=sum(record.outcome == "own_goal" for record in counted),
+        timeouts=sum(record.outcome == "timeout" for record in counted),
+        success_rate=goals / len(counted) if counted else None,
+        cost_per_goal=sum(record.steps for record in counted) / goals if goals else None,
+        mean_steps_per_goal=sum(steps_to_goal) / goals if goals else None,
+        collisions_begun=sum(record.collisions_begun for record in counted),
+        collision_steps=sum(record.collision_steps for record in counted),
+        steps=steps,
+        wall_s=wall_s,
+        steps_per_s=steps / wall_s if wall_s else None,
+        digest=digest,
+        messages_recorded=messages_recorded,
+        incomplete=incomplete,
+    )
+
+
+class Digest:
+    """SHA-256 over every decision in order: what makes two runs the same run.
+
+    Each adds 72 bytes, little-endian: episode, step (int64), robot x, y, yaw, ball x, y, left, right (float64).
+    """
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+        self._pack = struct.Struct("<qq7d").pack
+
+    def add(self, world: World, left_rad_s: float, right_rad_s: float) -> None:
+        """Adds a world state and the command that answered it."""
+        self._hash.update(
+            self._pack(
+                world.episode,
+                world.step,
+                world.robot_x_m,
+                world.robot_y_m,
+                world.robot_yaw_rad,
+                world.ball_x_m,
+                world.ball_y_m,
+                left_rad_s,
+                right_rad_s,
+            )
+        )
+
+    @property
+    def hex(self) -> str:
+        """64 hexadecimal digits. More can be added afterwards."""
+        return self._hash.hexdigest()

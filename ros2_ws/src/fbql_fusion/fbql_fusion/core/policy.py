@@ -1,0 +1,23 @@
+"""What a controller has learned, with all that says where it may be used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+
+class Policy(NamedTuple):
+    """Learned values. They mean something only together with the behaviors and trees they were learned with."""
+
+    kind: str
+    """The controller that learned it, as `Learner.kind`."""
+    behaviors: tuple[str, ...]
+    """Length n, in order."""
+    tree_hashes: tuple[str, ...]
+    """Length n: SHA-256 of each behavior's tree."""
+    leaf_counts: tuple[int, ...]
+    """Length n: number of leaves of each behavior's tree."""
+    arrays: Mapping[str, NDArray[Any]]
+    """What was learned; names, shapes and types are the controller's own."""

@@ -1,0 +1,319 @@
+"""The session: one run from its first episode to its last, decision by decision.
+
+It owns the schedule, the episodes' seeds, the transitions, the rewards and the records. It does not own the world,
+the behaviors, the clock or any file. The same object serves the node and the game in one process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from sys import maxsize
+
+import numpy as np
+from fbql_common.core.errors import BadInput
+from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Decision, Phase, WheelCommand, World
+
+from fbql_fusion.core.blending import blend
+from fbql_fusion.core.controllers import Learner, Subsumption, Transition, make_controller
+from fbql_fusion.core.joint_state import JointState
+from fbql_fusion.core.metrics import Digest, EpisodeRecord, Summary, summarise
+from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters, check_fusion
+from fbql_fusion.core.policy import Policy
+
+_INF = float("inf")
+
+
+@dataclass
+class Rejections:
+    """How often something was not acted on, and why."""
+
+    leaf_ids: int = 0
+    """Answers with a leaf_id outside of 0 .. leaf_count - 1."""
+    references: int = 0
+    """Answers with a reference that is not finite."""
+    trees: int = 0
+    """Answers from another tree than the behavior's first."""
+    weights: int = 0
+    """Weights of a wrong number or not finite: uniform ones took their place."""
+
+
+def episode_seed(run_seed: int, episode: int) -> int:
+    """The seed of an episode, 0 .. 2^63 - 1: the same whatever happened in the episodes before."""
+    return int(np.random.SeedSequence([run_seed, episode]).generate_state(1, np.uint64)[0] >> np.uint64(1))
+
+
+class Session:
+    """One run.
+
+    Args:
+        parameters: what is played.
+        policy: what an earlier run learned, to go on from.
+
+    Raises:
+        BadInput: parameters that are wrong, or a policy that does not belong to them.
+    """
+
+    def __init__(self, parameters: FusionParameters, policy: Policy | None = None) -> None:
+        check_fusion(parameters, "fusion")
+        self.parameters = parameters
+        self.behaviors = tuple(parameters.behaviors)
+        self.records: list[EpisodeRecord] = []
+        self.rejections = Rejections()
+        self._controller = make_controller(parameters)
+        self._learner = self._controller if isinstance(self._controller, Learner) else None
+        self._guide = Subsumption(parameters)
+        self._given = policy
+        if policy is not None:
+            self._take(policy)
+        learning = self._learner is not None and parameters.learn
+        self._free_phase = Phase.LEARNING if learning else Phase.EVALUATION
+        own = GUIDED_EPISODES if learning and policy is None else 0
+        self.guided = parameters.guided if parameters.guided >= 0 else own
+        """Number of guided episodes, which come first."""
+        self._trees: list[tuple[int, str] | None] = [None] * len(self.behaviors)
+        self._digest = Digest()
+        self._steps: int = 0
+        self._counted = 0
+        self._goals = 0
+
+        # The episode being played. No world belongs to none: see _close.
+        self.phase = Phase.GUIDED if self.guided else self._free_phase
+        self._index = -1
+        self._seed = 0
+        self._episode = -1
+        self._step: int = maxsize
+        self._degraded = False
+        self._collisions_begun = 0
+        self._collision_steps = 0
+        self._return = 0.0
+        self._joint_state: JointState = ()
+        self._weights: tuple[float, ...] = ()
+        self._driver = DRIVER_BLEND
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over every decision so far, 64 hexadecimal digits."""
+        return self._digest.hex
+
+    @property
+    def steps(self) -> int:
+        """Steps driven so far, in every phase."""
+        return self._steps
+
+    def summary(self, wall_s: float | None = None, messages_recorded: int = 0, incomplete: bool = False) -> Summary:
+        """The result so far, with what only the caller knows."""
+        return summarise(
+            self.parameters.controller,
+            self.parameters.seed,
+            self.records,
+            self._steps,
+            self.digest,
+            wall_s,
+            messages_recorded,
+            incomplete,
+        )
+
+    def policy(self) -> Policy | None:
+        """What has been learned so far; None where nothing is: a controller that can't, or no answer heard yet."""
+        if self._learner is None:
+            return None
+        if self._given is not None:
+            hashes, counts = self._given.tree_hashes, self._given.leaf_counts
+        else:
+            heard = [tree for tree in self._trees if tree is not None]
+            if len(heard) < len(self._trees):
+                return None
+            hashes, counts = tuple(tree[1] for tree in heard), tuple(tree[0] for tree in heard)
+        return Policy(self._learner.kind, self.behaviors, hashes, counts, self._learner.to_arrays())
+
+    def next_episode(self) -> tuple[int, int] | None:
+        """Begins the next episode: its number and its seed, or None when the run is done.
+
+        Raises:
+            ValueError: the episode before has not ended.
+        """
+        if self._episode >= 0:
+            raise ValueError(f"episode {self._episode} has not ended")
+        limits = self.parameters
+        if (limits.episodes and self._counted >= limits.episodes) or (limits.goals and self._goals >= limits.goals):
+            return None
+        self._index += 1
+        self._seed = episode_seed(limits.seed, self._index)
+        self._episode = self._index
+        self._step = -1
+        self.phase = Phase.GUIDED if self._index < self.guided else self._free_phase
+        self._degraded = False
+        self._collisions_begun = 0
+        self._collision_steps = 0
+        self._return = 0.0
+        return self._index, self._seed
+
+    def decide(self, world: World, outputs: Sequence[BehaviorOutput | None]) -> tuple[WheelCommand, Decision]:
+        """Answers a world state; learns from the transition that ended in it.
+
+        An ended world closes the episode: its command is 0, 0 and its weights are what would have been.
+        A missing step or answer makes the rest of the episode degraded: it is played, but nothing is learned.
+
+        Args:
+            world: the next world state of the episode that `next_episode` began.
+            outputs: the behaviors' answers to it, in order; None where one did not answer.
+
+        Raises:
+            ValueError: a world state of another episode, or not later than the last one; a wrong number of outputs.
+            BadInput: the behaviors' trees are not those that the policy was learned with.
+        """
+        episode, step = world.episode, world.step
+        if episode != self._episode or step <= self._step:
+            raise ValueError(self._why_out_of_order(episode, step))
+        joint_state, heard, complete = self._hear(outputs)
+
+        reward = 0.0
+        if world.collision:
+            self._collision_steps += 1
+        if world.collision_begun:
+            self._collisions_begun += 1
+            reward = self.parameters.reward_collision
+        if world.goal:
+            reward += self.parameters.reward_goal
+        elif world.own_goal:
+            reward += self.parameters.reward_own_goal
+        self._return += reward
+
+        if not complete or step != self._step + 1:
+            self._degraded = True
+        phase = self.phase
+        terminated, truncated = world.terminated, world.truncated
+        if step > 0 and self._learner is not None and self.parameters.learn and not self._degraded:
+            self._learner.learn(
+                Transition(self._joint_state, self._weights, self._driver, reward, joint_state, terminated, truncated)
+            )
+
+        weights, driver, q = self._controller.select(world, joint_state, heard)
+        if phase is Phase.GUIDED:
+            weights, driver, _ = self._guide.select(world, joint_state, heard)
+        alone = heard[driver] if driver >= 0 else None
+        if alone is not None:
+            left, right = alone.left_rad_s, alone.right_rad_s
+        else:
+            left, right, weights, rejected = blend(weights, heard)
+            if rejected:
+                self.rejections.weights += 1
+        if terminated or truncated:
+            left = right = 0.0
+
+        self._steps += step - max(self._step, 0)
+        self._step = step
+        self._joint_state = joint_state
+        self._weights = weights
+        self._driver = driver
+        self._digest.add(world, left, right)
+        stamp_ns = world.stamp_ns
+        decision = Decision(
+            stamp_ns,
+            episode,
+            step,
+            self.parameters.controller,
+            int(phase),
+            self.behaviors,
+            joint_state,
+            q,
+            weights,
+            driver,
+            reward,
+            self._degraded,
+        )
+        if terminated or truncated:
+            self._close(world)
+        return WheelCommand(stamp_ns, episode, step, left, right), decision
+
+    def _hear(
+        self, outputs: Sequence[BehaviorOutput | None]
+    ) -> tuple[JointState, Sequence[BehaviorOutput | None], bool]:
+        """The joint state, the answers that can be acted on, and whether that is all of them."""
+        leaves: list[int] = []
+        for output, tree in zip(outputs, self._trees, strict=True):
+            if output is not None:
+                _, _, _, _, left, right, leaf_id, leaf_count, tree_hash, _, _ = output
+                if (
+                    (leaf_count, tree_hash) == tree
+                    and 0 <= leaf_id < leaf_count
+                    and -_INF < left < _INF
+                    and -_INF < right < _INF
+                ):
+                    leaves.append(leaf_id)
+                    continue
+            heard = [self._examined(i, output) for i, output in enumerate(outputs)]
+            return tuple([NO_LEAF if x is None else x.leaf_id for x in heard]), heard, None not in heard
+        return tuple(leaves), outputs, True
+
+    def _examined(self, i: int, output: BehaviorOutput | None) -> BehaviorOutput | None:
+        """The answer of behavior i, or None where it can't be acted on. Its first answer says what its tree is."""
+        if output is None:
+            return None
+        if not 0 <= output.leaf_id < output.leaf_count:
+            self.rejections.leaf_ids += 1
+            return None
+        if not (-_INF < output.left_rad_s < _INF and -_INF < output.right_rad_s < _INF):
+            self.rejections.references += 1
+            return None
+        tree = (output.leaf_count, output.tree_hash)
+        if self._trees[i] is None:
+            given = self._given
+            if given is not None and tree != (given.leaf_counts[i], given.tree_hashes[i]):
+                raise BadInput(
+                    f"the policy was learned with another tree of {self.behaviors[i]} (SHA-256 "
+                    f"{given.tree_hashes[i][:12]}, {given.leaf_counts[i]} leaves) than the one that answers "
+                    f"({output.tree_hash[:12]}, {output.leaf_count} leaves); use the trees it was learned with"
+                )
+            self._trees[i] = tree
+        elif self._trees[i] != tree:
+            self.rejections.trees += 1
+            return None
+        return output
+
+    def _close(self, world: World) -> None:
+        """Ends the episode and keeps its record."""
+        outcome = "timeout"
+        if world.terminated:
+            outcome = "goal" if world.goal else "own_goal"
+        self.records.append(
+            EpisodeRecord(
+                self._index,
+                self.phase,
+                self._seed,
+                outcome,
+                world.step,
+                self._collisions_begun,
+                self._collision_steps,
+                self._return,
+                self._degraded,
+            )
+        )
+        if self.phase is not Phase.GUIDED:
+            self._counted += 1
+            self._goals += outcome == "goal"
+        self._episode = -1
+        self._step = maxsize
+
+    def _why_out_of_order(self, episode: int, step: int) -> str:
+        if self._episode < 0:
+            return f"world state of episode {episode}, step {step}, but no episode has begun"
+        if episode != self._episode:
+            return f"world state of episode {episode}, step {step}, while episode {self._episode} is played"
+        return f"world state of episode {episode}, step {step}, after step {self._step} was decided"
+
+    def _take(self, policy: Policy) -> None:
+        """Takes over a policy. Raises BadInput where it is not of this controller and these behaviors."""
+        if self._learner is None:
+            raise BadInput(f"controller '{self.parameters.controller}' takes no policy; leave the policy out")
+        if policy.kind != self._learner.kind:
+            raise BadInput(
+                f"the policy is of controller '{policy.kind}', not of '{self._learner.kind}'; choose that controller"
+            )
+        if policy.behaviors != self.behaviors:
+            raise BadInput(
+                f"the policy fuses {', '.join(policy.behaviors)}, in this order; "
+                f"the behaviors here are {', '.join(self.behaviors)}"
+            )
+        self._learner.load_arrays(policy.arrays)
