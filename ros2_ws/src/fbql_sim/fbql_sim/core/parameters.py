@@ -12,7 +12,9 @@ class SimulationParameters:
     """What the physics and the task are made with; the field's dimensions are in fbql_common.core.field."""
 
     dt_s: float = parameter(1 / 60, "duration of a step", unit="s", low=0.001, high=0.05)
-    substeps: int = parameter(4, "physics steps in a step", low=1, high=64)
+    physics_step_s: float = parameter(
+        1 / 240, "a step is divided into equal physics steps no longer than this", unit="s", low=0.0001, high=1 / 120
+    )
     max_steps: int = parameter(4000, "steps after which an episode is truncated", low=1, high=10_000_000)
 
     robot_mass_kg: float = parameter(0.6, "mass of the robot", unit="kg", low=0.05, high=5.0)

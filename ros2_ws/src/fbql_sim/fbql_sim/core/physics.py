@@ -8,7 +8,7 @@ vector object per access, which would take several times as long as the physics.
 from __future__ import annotations
 
 from importlib import import_module
-from math import cos, exp, sin
+from math import ceil, cos, exp, sin
 from typing import Any, NamedTuple
 
 import pymunk
@@ -52,8 +52,9 @@ class Physics:
 
     def __init__(self, parameters: SimulationParameters) -> None:
         self._parameters = parameters
-        self._substeps = range(parameters.substeps)
-        self._substep_s = parameters.dt_s / parameters.substeps
+        substeps = ceil(parameters.dt_s / parameters.physics_step_s - 1e-9)  # 1/60 by 1/240 is 4, not 4 and a bit
+        self._substeps = range(substeps)
+        self._substep_s = parameters.dt_s / substeps
         self._keep = exp(-parameters.ball_roll_loss_1_s * parameters.dt_s)
         self._rest_squared = parameters.ball_rest_speed_m_s**2
         self._speed_change = parameters.wheel_acceleration_m_s2 * parameters.dt_s
