@@ -1,0 +1,19 @@
+"""The environment set-up: what stands between `git clone` and a running command.
+
+Runs under any Python >= 3.9 with the standard library alone. `enter(NAME)` makes sure that the environment is there
+(Python 3.12, the hash-locked packages, the built workspace), then continues as `launcher.NAME.main(argv)` in it.
+This file itself must parse under every Python since 2.7, so that an old one gets one line and no traceback.
+"""
+
+import sys
+
+if sys.version_info < (3, 9):  # noqa: UP036 - this is the line that tells
+    sys.stderr.write(
+        "fbql: this command starts with Python 3.9 or newer (it then finds Python 3.12 by itself), "
+        "and this Python is older. Start it with a newer python3.\n"
+    )
+    sys.exit(2)
+
+from .enter import enter
+
+__all__ = ["enter"]

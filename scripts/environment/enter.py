@@ -1,0 +1,65 @@
+"""From a command's entry to its launcher: make sure of the environment, then become a process in it."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from . import virtual, workspace
+from .errors import SetUpError
+from .process import process_environment
+from .target import Target, target_for
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# Set to the process id when an entry starts itself again in the environment. exec keeps the process id, and no child
+# has it, so that this is never inherited by an entry that has yet to look after its environment.
+ENTERED = "_FBQL_ENTERED"
+
+
+def enter(name: str, *, purpose: str = "run") -> None:
+    """Run `launcher.NAME.main(argv)` in the environment and exit with what it returns.
+
+    `purpose` is run or test; test adds the test tools. Does not return.
+    """
+    if os.environ.pop(ENTERED, None) == str(os.getpid()):
+        module = importlib.import_module(f"launcher.{name}")
+        sys.exit(module.main(sys.argv[1:]))
+    target, environ = environment_or_exit(purpose)
+    environ[ENTERED] = str(os.getpid())
+    os.execve(target.python, [str(target.python), sys.argv[0], *sys.argv[1:]], environ)
+
+
+def environment_or_exit(purpose: str = "run") -> tuple[Target, dict[str, str]]:
+    """The environment, made if need be, and the variables of a process in it; on an error one line and exit code 2."""
+    try:
+        return ensured_environment(ROOT, purpose, os.environ)
+    except SetUpError as error:
+        details = f"{error.details}\n" if error.details else ""
+        sys.stderr.write(f"{details}fbql: {error}\n")
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.stderr.write("fbql: the set-up was interrupted; the next start goes on with it.\n")
+        sys.exit(130)
+
+
+def ensured_environment(root: Path, purpose: str, environ: Mapping[str, str]) -> tuple[Target, dict[str, str]]:
+    """The environment of the checkout `root`, set up if need be, and the variables of a process in it."""
+    target = target_for(root, environ)
+    if not is_ready(target, purpose):
+        from .set_up import set_up  # it and what it imports are not needed by a start that has nothing to do
+
+        set_up(target, purpose, environ)
+    packages = [package.name for package in workspace.find_packages(target.workspace / "src")]
+    return target, process_environment(target, environ, packages)
+
+
+def is_ready(target: Target, purpose: str) -> bool:
+    """Whether everything is installed and built from what the checkout holds now."""
+    if not virtual.is_installed(target, purpose):
+        return False
+    wanted = workspace.fingerprints(target, workspace.find_packages(target.workspace / "src"))
+    return not workspace.stale_packages(target, wanted) and not workspace.leftover_packages(target, wanted)

@@ -1,0 +1,161 @@
+"""Finding a Python 3.12 that can carry the environment."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from .errors import SetUpError
+from .process import tool_environment
+
+PROBE_TIMEOUT_S = 30
+
+# Runs in the candidate, whatever version it is. `real` is the interpreter behind a virtual environment.
+PROBE = """
+import json, os, platform, struct, sys, sysconfig
+def has(name):
+    try:
+        __import__(name)
+    except Exception:
+        return False
+    return True
+print(json.dumps({
+    "version": list(sys.version_info[:3]),
+    "implementation": platform.python_implementation(),
+    "machine": platform.machine(),
+    "system": platform.system(),
+    "bits": struct.calcsize("P") * 8,
+    "libc": platform.libc_ver()[0],
+    "real": getattr(sys, "_base_executable", None) or sys.executable,
+    "venv": has("venv"),
+    "ensurepip": has("ensurepip"),
+    "headers": os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")),
+    "rclpy": has("rclpy"),
+}))
+"""
+
+
+@dataclass(frozen=True)
+class Interpreter:
+    """A Python that was tried and can be used."""
+
+    executable: str
+    version: str
+    has_ensurepip: bool
+
+
+def find_interpreter(environ: Mapping[str, str], *, with_rclpy: bool = False) -> Interpreter:
+    """The first usable Python 3.12 among the candidates.
+
+    `with_rclpy`: it must import rclpy with `environ` as it is, which the Python of a system ROS does.
+    Raises SetUpError with instructions when there is none.
+    """
+    check_platform()
+    refused: list[str] = []
+    for candidate in candidates(environ):
+        found = probe(candidate, environ, with_rclpy=with_rclpy)
+        if isinstance(found, Interpreter):
+            return found
+        if found:
+            refused.append(f"{candidate} {found}")
+    tried = f" Tried: {'; '.join(refused)}." if refused else ""
+    if with_rclpy:
+        raise SetUpError(
+            f"no Python 3.12 imports rclpy of the sourced ROS 2 Jazzy.{tried} Source its setup.bash in a fresh shell, "
+            "or start without it to use the wheels."
+        )
+    raise SetUpError(
+        "no usable Python 3.12 found. Install one, for example with `sudo apt install python3.12-venv python3.12-dev`, "
+        f"`pyenv install 3.12` or `uv python install 3.12`, and start again.{tried}"
+    )
+
+
+def check_platform() -> None:
+    """Raise SetUpError where no wheels exist."""
+    system, machine = os.uname().sysname, os.uname().machine
+    if (system, machine) != ("Linux", "x86_64"):
+        raise SetUpError(
+            f"the ROS 2 wheels exist for Linux on x86-64 only; this is {system} on {machine}. "
+            "Use such a machine or a container."
+        )
+
+
+def candidates(environ: Mapping[str, str]) -> Iterator[str]:
+    """Paths that may be a Python 3.12, the likeliest first, each once."""
+    seen: set[str] = set()
+    for path in _candidates(environ):
+        if path not in seen and os.access(path, os.X_OK):
+            seen.add(path)
+            yield path
+
+
+def _candidates(environ: Mapping[str, str]) -> Iterator[str]:
+    if sys.version_info[:2] == (3, 12):
+        yield sys.executable
+    directories = [entry for entry in environ.get("PATH", "").split(os.pathsep) if entry]
+    for name in ("python3.12", "python3", "python"):
+        for directory in directories:
+            yield os.path.join(directory, name)  # noqa: PTH118 - most of these do not exist
+    pyenv = Path(environ.get("PYENV_ROOT") or Path(environ.get("HOME", "/"), ".pyenv"))
+    versions = [path for path in pyenv.glob("versions/3.12.*") if path.name.split(".")[2].isdigit()]
+    for path in sorted(versions, key=lambda path: int(path.name.split(".")[2]), reverse=True):
+        yield str(path / "bin" / "python3.12")
+    yield from uv_python(environ)
+
+
+def uv_python(environ: Mapping[str, str]) -> Iterator[str]:
+    """The Python 3.12 that uv knows of, where there is uv. Downloads nothing."""
+    uv = shutil.which("uv", path=environ.get("PATH"))
+    if uv is None:
+        return
+    command = [uv, "python", "find", "--no-project", "3.12"]
+    variables = {**tool_environment(environ), "UV_PYTHON_DOWNLOADS": "never"}
+    answer = ask(command, variables)
+    if answer:
+        yield answer.strip()
+
+
+def probe(candidate: str, environ: Mapping[str, str], *, with_rclpy: bool) -> Interpreter | str:
+    """Try a candidate by running it: the interpreter, or why not; an empty reason for simply another version."""
+    # -I keeps the environment's variables out of it; with a system ROS they are what makes rclpy importable.
+    command = [candidate, *([] if with_rclpy else ["-I"]), "-c", PROBE]
+    answer = ask(command, dict(environ) if with_rclpy else tool_environment(environ))
+    try:
+        facts = json.loads(answer)
+    except ValueError:
+        return "does not start" if candidate.endswith("python3.12") else ""
+    if facts["version"][:2] != [3, 12]:
+        return ""
+    if facts["implementation"] != "CPython" or (facts["machine"], facts["bits"]) != ("x86_64", 64):
+        return (
+            f"is {facts['implementation']} for {facts['bits']}-bit {facts['machine']}, and CPython for x86-64 is needed"
+        )
+    if facts["libc"] != "glibc":
+        return "is not built for glibc, which the wheels need"
+    if not facts["venv"]:
+        return "has no venv module (apt install python3.12-venv)"
+    if not facts["headers"]:
+        return "has no C headers (apt install python3.12-dev)"
+    if with_rclpy and not facts["rclpy"]:
+        return "does not import rclpy"
+    has_uv = shutil.which("uv", path=environ.get("PATH")) is not None
+    if not facts["ensurepip"] and not has_uv:
+        return "has no ensurepip module (apt install python3.12-venv)"
+    return Interpreter(facts["real"], ".".join(map(str, facts["version"])), facts["ensurepip"])
+
+
+def ask(command: list[str], environ: dict[str, str]) -> str:
+    """What a short program prints; empty when it fails, hangs or is none."""
+    try:
+        done = subprocess.run(
+            command, env=environ, stdin=subprocess.DEVNULL, capture_output=True, timeout=PROBE_TIMEOUT_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout.decode(errors="replace") if done.returncode == 0 else ""

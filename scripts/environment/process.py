@@ -1,0 +1,109 @@
+"""The environment variables of our processes, computed without sourcing anything."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from .progress import say
+from .target import DISTRO, Target, is_inside, split_path
+
+# Set by the wheels' start-up hook, which otherwise runs every Python a second time to set LD_LIBRARY_PATH.
+BOOTSTRAPPED = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
+SEARCH_PATHS = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "PKG_CONFIG_PATH")
+OF_A_DISTRO = ("ROS_DISTRO", "ROS_VERSION", "ROS_PYTHON_VERSION", "ROS_PACKAGE_PATH", "ROS_ROOT", "ROS_ETC_DIR")
+
+
+def process_environment(target: Target, environ: Mapping[str, str], packages: list[str]) -> dict[str, str]:
+    """`environ`, changed so that the workspace's `packages` and what they stand on are found.
+
+    The user's choices (domain, discovery range, log directory, ...) stay. Leftovers of another ROS are taken out,
+    with a warning, because a message library of another distro crashes rather than fails.
+    """
+    result = without_foreign_ros(target, environ)
+    result.pop("PYTHONHOME", None)
+    result.pop(BOOTSTRAPPED, None)
+    installed = [target.install / package for package in packages]
+    python_path = [prefix / "lib" / "python3.12" / "site-packages" for prefix in installed]
+    libraries = [prefix / "lib" for prefix in installed if (prefix / "lib").is_dir()]
+    if target.underlay:
+        # The executables' shebang may be the system's python3: give it the packages of our environment as well.
+        append(result, "PYTHONPATH", [target.site_packages])
+    else:
+        libraries += [target.venv / "lib", *sorted(target.site_packages.glob("ros_*.libs"))]
+        installed.append(target.venv)
+        result[BOOTSTRAPPED] = "1"
+    prepend(result, "PATH", [target.venv / "bin"])
+    prepend(result, "AMENT_PREFIX_PATH", installed)
+    prepend(result, "CMAKE_PREFIX_PATH", installed)
+    prepend(result, "PYTHONPATH", python_path)
+    prepend(result, "LD_LIBRARY_PATH", libraries)
+    result["VIRTUAL_ENV"] = str(target.venv)
+    result.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    result.setdefault("PYTHONUNBUFFERED", "1")
+    return result
+
+
+def build_environment(target: Target, environ: Mapping[str, str]) -> dict[str, str]:
+    """The variables colcon runs with: as a process of ours, with no built package in sight, and with bytecode."""
+    result = process_environment(target, environ, [])
+    result.pop("PYTHONDONTWRITEBYTECODE", None)
+    if not target.underlay:
+        result.pop("PYTHONPATH", None)
+    return result
+
+
+def tool_environment(environ: Mapping[str, str]) -> dict[str, str]:
+    """The variables for another Python than ours, or for pip and uv: nothing that changes what it imports."""
+    dropped = {"PYTHONHOME", "PYTHONPATH", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__", BOOTSTRAPPED}
+    return {name: value for name, value in environ.items() if name not in dropped}
+
+
+def without_foreign_ros(target: Target, environ: Mapping[str, str]) -> dict[str, str]:
+    """A copy of `environ` without the traces of a ROS that is not the target's; warns of what it takes out.
+
+    An overlay that was built on our own environment (ours is on AMENT_PREFIX_PATH then) stays.
+    """
+    result = dict(environ)
+    prefixes = split_path(environ.get("AMENT_PREFIX_PATH"))
+    if target.underlay or target.venv in prefixes:
+        return result
+    for name in ("COLCON_PREFIX_PATH", *OF_A_DISTRO):
+        result.pop(name, None)
+    prefixes += split_path(environ.get("COLCON_PREFIX_PATH"))
+    foreign = [prefix for prefix in prefixes if not is_inside(prefix, target.root)]
+    for name in SEARCH_PATHS:
+        kept = [entry for entry in split_path(result.get(name)) if not is_foreign(entry, foreign)]
+        set_path(result, name, kept)
+    distro = environ.get("ROS_DISTRO")
+    if foreign:
+        sourced = f"ROS {distro}" if distro and distro != DISTRO else ", ".join(map(str, foreign[:2]))
+        say(f"{sourced} is sourced, which is no system Jazzy with rclpy: ignored, the Jazzy wheels are used")
+    if result.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp") != "rmw_fastrtps_cpp":
+        say(f"RMW_IMPLEMENTATION={result.pop('RMW_IMPLEMENTATION')} is ignored: the wheels hold rmw_fastrtps_cpp alone")
+    return result
+
+
+def is_foreign(entry: Path, prefixes: list[Path]) -> bool:
+    """Whether a search path entry belongs to one of the prefixes, or to any ROS in its usual place."""
+    return any(root in (entry, *entry.parents) for root in (*prefixes, Path("/opt/ros")))
+
+
+def prepend(environ: dict[str, str], name: str, entries: list[Path]) -> None:
+    """Put `entries` first on the search path `name`; those already on it move there."""
+    set_path(environ, name, [*entries, *(entry for entry in split_path(environ.get(name)) if entry not in entries)])
+
+
+def append(environ: dict[str, str], name: str, entries: list[Path]) -> None:
+    """Put `entries` last on the search path `name`, unless they are on it."""
+    present = split_path(environ.get(name))
+    set_path(environ, name, [*present, *(entry for entry in entries if entry not in present)])
+
+
+def set_path(environ: dict[str, str], name: str, entries: list[Path]) -> None:
+    """Set the search path `name`. An empty one is no variable: an empty entry would mean the working directory."""
+    if entries:
+        environ[name] = os.pathsep.join(map(str, entries))
+    else:
+        environ.pop(name, None)
