@@ -1,0 +1,87 @@
+"""What a recording says about its message types: the ros2msg schema text and the type hash, from share directories."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from fbql_common.core.errors import BadInput
+
+_INTEGERS = tuple(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))
+_PRIMITIVES = frozenset((*_INTEGERS, "bool", "byte", "char", "float32", "float64", "string", "wstring"))
+_SEPARATOR = "=" * 80
+
+FindShare = Callable[[str], Path]
+"""A package's share directory, from its name."""
+
+
+def schema_text(type_name: str, find_share: FindShare) -> str:
+    """The ros2msg schema of a message type, as rosbag2 writes it.
+
+    The message's own text, then for each message that it contains, directly or not, once: a line of 80 "=", a line
+    `MSG: pkg/Name` and its text. The two-part name is what JavaScript readers expect.
+
+    Args:
+        type_name: pkg/msg/Name.
+        find_share: where packages are.
+
+    Raises:
+        BadInput: a definition is missing.
+    """
+    text = _text_of(type_name, find_share)
+    parts = [text]
+    known = {type_name}
+    waiting = _contained(type_name, text)
+    while waiting:
+        name = waiting.pop(0)
+        if name in known:
+            continue
+        known.add(name)
+        text = _text_of(name, find_share)
+        package, _, short = name.split("/")
+        parts.append(f"{_SEPARATOR}\nMSG: {package}/{short}\n{text}")
+        waiting += _contained(name, text)
+    return "\n".join(parts)
+
+
+def type_hash(type_name: str, find_share: FindShare) -> str:
+    """The RIHS01 hash of a message type, as the middleware announces it.
+
+    Raises:
+        BadInput: the type's description is missing or does not hold the hash.
+    """
+    package, _, short = type_name.split("/")
+    path = find_share(package) / "msg" / f"{short}.json"
+    try:
+        description = json.loads(path.read_bytes())
+        hashes = {entry["type_name"]: entry["hash_string"] for entry in description["type_hashes"]}
+        return str(hashes[type_name])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise BadInput(f"{path}: no type hash of {type_name} ({error!r}); build the workspace again") from None
+
+
+def _text_of(type_name: str, find_share: FindShare) -> str:
+    package, _, short = type_name.split("/")
+    path = find_share(package) / "msg" / f"{short}.msg"
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{path}: no definition of {type_name} ({error.strerror}); build the workspace again") from None
+
+
+def _contained(type_name: str, text: str) -> list[str]:
+    """The message types of a definition's fields, in order, as pkg/msg/Name."""
+    names: list[str] = []
+    for line in text.splitlines():
+        words = line.split("#", 1)[0].split()
+        if not words:
+            continue
+        # string<=10 and Name[<=5]: the bounds are no part of the name.
+        kind = words[0].split("[", 1)[0].split("<", 1)[0]
+        if kind in _PRIMITIVES:
+            continue
+        parts = kind.split("/")
+        package = parts[0] if len(parts) > 1 else type_name.split("/")[0]
+        names.append(f"{package}/msg/{parts[-1]}")
+    return names

@@ -1,0 +1,150 @@
+"""Policies as files: a .npz of plain arrays, checked before anything in it is believed. Never a pickle.
+
+Arrays: format_version int64 [], kind text [], behaviors text [n], tree_hashes text [n], leaf_counts int64 [n], and
+the controller's own arrays as array/<name>.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from math import prod
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from fbql_common.core.errors import BadInput
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from fbql_fusion.atomic_file import write_atomically
+from fbql_fusion.core.policy import Policy
+
+FORMAT_VERSION = 1
+MAX_BYTES = 256 * 1024 * 1024
+"""Largest policy file, and largest sum of its arrays, that is read [bytes]."""
+MAX_ARRAYS = 64
+_PREFIX = "array/"
+
+_NO_POLICY = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, MemoryError)
+"""What zipfile and NumPy raise for bytes that are no .npz."""
+
+
+def save_policy(path: Path, policy: Policy) -> None:
+    """Writes a policy, whole or not at all.
+
+    Raises:
+        BadInput: a value that is not finite: such a policy would be refused when it is loaded.
+        OSError: the file could not be written.
+    """
+    write_atomically(path, policy_bytes(policy))
+
+
+def policy_bytes(policy: Policy) -> bytes:
+    """The file's bytes: the same policy, the same bytes.
+
+    Raises:
+        BadInput: a value that is not finite.
+    """
+    arrays: dict[str, NDArray[Any]] = {
+        "format_version": np.array(FORMAT_VERSION, dtype=np.int64),
+        "kind": np.array(policy.kind),
+        "behaviors": np.array(policy.behaviors),
+        "tree_hashes": np.array(policy.tree_hashes),
+        "leaf_counts": np.array(policy.leaf_counts, dtype=np.int64),
+    }
+    for name, array in policy.arrays.items():
+        if not np.isfinite(array).all():
+            raise BadInput(f"the policy's array '{name}' has a value that is not finite; it is not saved")
+        arrays[_PREFIX + name] = array
+    buffer = io.BytesIO()
+    # np.savez would put the time of writing into the file.
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, array in arrays.items():
+            member = io.BytesIO()
+            npy.write_array(member, array, allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), member.getvalue())
+    return buffer.getvalue()
+
+
+def load_policy(path: Path) -> Policy:
+    """Reads a policy and checks its form. `Session` checks that it fits its controller, behaviors and trees.
+
+    Raises:
+        BadInput: no such file, too large, not a policy, of another format version, or a value that is not finite:
+            one line with the file and the reason.
+    """
+    try:
+        return _policy_from(_read(path))
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from None
+    except OSError as error:
+        raise BadInput(f"{path}: the policy can't be read ({error.strerror or error})") from None
+    except _NO_POLICY as error:
+        reason = str(error).partition("\n")[0]
+        raise BadInput(f"{path}: not a policy file ({reason or type(error).__name__})") from None
+
+
+def _read(path: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of a .npz, its sizes checked before anything is unpacked."""
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise BadInput(f"{size} bytes; a policy has at most {MAX_BYTES}")
+    with zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        if len(members) > MAX_ARRAYS:
+            raise BadInput(f"{len(members)} arrays; a policy has at most {MAX_ARRAYS}")
+        unpacked = sum(member.file_size for member in members)
+        if unpacked > MAX_BYTES:
+            raise BadInput(f"unpacks to {unpacked} bytes; a policy has at most {MAX_BYTES}")
+        arrays: dict[str, NDArray[Any]] = {}
+        for member in members:
+            name = member.filename.removesuffix(".npy")
+            if name in arrays:
+                raise BadInput(f"array '{name}' is there twice")
+            with archive.open(member) as file:
+                arrays[name] = _read_array(name, file, member.file_size)
+        return arrays
+
+
+def _read_array(name: str, file: IO[bytes], size: int) -> NDArray[Any]:
+    """One .npy; its header must promise exactly the bytes that are there."""
+    if npy.read_magic(file) != (1, 0):
+        raise BadInput(f"array '{name}' is of another .npy version than 1.0")
+    shape, fortran_order, dtype = npy.read_array_header_1_0(file)
+    if dtype.kind not in "iufbU":
+        raise BadInput(f"array '{name}' holds {dtype}, which is neither numbers nor text")
+    promised, there = prod(shape) * dtype.itemsize, size - file.tell()
+    if promised != there:
+        raise BadInput(f"array '{name}' promises {promised} bytes and has {there}")
+    array: NDArray[Any] = np.ndarray(shape, dtype, file.read(), order="F" if fortran_order else "C")
+    return array.copy()
+
+
+def _policy_from(arrays: dict[str, NDArray[Any]]) -> Policy:
+    version = arrays.get("format_version")
+    if version is None or version.shape or version.dtype != np.int64:
+        raise BadInput("not a policy file (no format_version)")
+    if version != FORMAT_VERSION:
+        raise BadInput(f"format version {version}; supported: {FORMAT_VERSION}")
+    kind = arrays.get("kind")
+    if kind is None or kind.shape or kind.dtype.kind != "U":
+        raise BadInput("array 'kind' is missing or no text")
+    texts: list[tuple[str, ...]] = []
+    for name in ("behaviors", "tree_hashes"):
+        array = arrays.get(name)
+        if array is None or array.ndim != 1 or array.dtype.kind != "U":
+            raise BadInput(f"array '{name}' is missing or no list of texts")
+        texts.append(tuple(array.tolist()))
+    behaviors, tree_hashes = texts
+    counts = arrays.get("leaf_counts")
+    if counts is None or counts.dtype != np.int64 or counts.ndim != 1 or (counts < 1).any():
+        raise BadInput("array 'leaf_counts' is missing or no list of numbers above 0")
+    if not len(behaviors) == len(tree_hashes) == len(counts):
+        raise BadInput(f"{len(behaviors)} behaviors, {len(tree_hashes)} tree hashes, {len(counts)} leaf counts")
+    learned = {name.removeprefix(_PREFIX): array for name, array in arrays.items() if name.startswith(_PREFIX)}
+    for name, array in learned.items():
+        if array.dtype.kind == "U" or not np.isfinite(array).all():
+            raise BadInput(f"array '{name}' has a value that is not a finite number")
+    return Policy(str(kind), behaviors, tree_hashes, tuple(counts.tolist()), learned)

@@ -1,0 +1,203 @@
+"""The recording of a run: a directory that `ros2 bag` accepts, written while the run goes on.
+
+<directory>/<directory's name>_0.mcap.active while it is written, .mcap when it is finished, then metadata.yaml.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+from fbql_common.core.errors import BadInput
+
+from fbql_fusion.atomic_file import write_atomically
+from fbql_fusion.bag_metadata import BagTopic, Qos, bag_information, qos_profiles, to_yaml
+from fbql_fusion.mcap_writer import McapWriter, WriterChannel
+
+CHUNK_BYTES = 256 * 1024
+"""Uncompressed size of a chunk: what a crash loses, unless `flush` is called more often."""
+METADATA_NAME = "fbql"
+"""Name of the Metadata record that holds what metadata.yaml has as custom_data."""
+
+
+class Channel(NamedTuple):
+    """One topic that is recorded."""
+
+    topic: str
+    """Absolute name."""
+    type_name: str
+    """pkg/msg/Name"""
+    schema_text: str
+    """`message_definitions.schema_text`"""
+    type_hash: str
+    """`message_definitions.type_hash`"""
+    qos: Qos
+
+
+class Attachment(NamedTuple):
+    """A file inside the recording."""
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+class Recorder:
+    """Records serialized messages. A disk that fails stops the recording, once and for all, and nothing else.
+
+    After the first OSError it has `failed`: what is complete on disk stays, cut to its last whole record, as
+    .mcap.active; everything that follows is ignored. Not for use by two threads at once.
+
+    Args:
+        directory: an existing directory without a recording.
+        channels: the topics; a channel's index here is its index in `write`.
+        custom_data: about the run (seed, parameters, revision); in the file from its first byte on.
+        attachments: files of the run (trees, policy, configuration); in the file from its first byte on.
+        report: called once, with one line, when the recording fails.
+
+    Raises:
+        BadInput: the directory can't be written to, or holds a recording.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        channels: Sequence[Channel],
+        custom_data: Mapping[str, str],
+        attachments: Sequence[Attachment],
+        report: Callable[[str], None],
+    ) -> None:
+        self.path = directory / f"{directory.name}_0.mcap"
+        """The finished file."""
+        self.active_path = self.path.with_name(self.path.name + ".active")
+        """The file while it is written."""
+        self.failed = False
+        """Whether something could not be recorded."""
+        self._channels = tuple(channels)
+        self._custom_data = dict(custom_data)
+        self._report = report
+        self._closed = False
+        self._size = 0
+        for path in (self.path, directory / "metadata.yaml"):
+            if path.exists():
+                raise BadInput(f"{path} exists; a recording is never overwritten, choose another directory")
+        try:
+            self._fd = os.open(self.active_path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise BadInput(
+                f"{self.active_path}: can't record there ({error.strerror}); choose another directory"
+            ) from None
+        try:
+            self._writer = McapWriter(
+                self._put,
+                [
+                    WriterChannel(
+                        channel.topic,
+                        channel.type_name,
+                        channel.schema_text,
+                        {
+                            "offered_qos_profiles": to_yaml(qos_profiles(channel.qos)),
+                            "topic_type_hash": channel.type_hash,
+                        },
+                    )
+                    for channel in self._channels
+                ],
+                CHUNK_BYTES,
+            )
+            if self._custom_data:
+                self._writer.add_metadata(METADATA_NAME, self._custom_data)
+            self._attach(attachments)
+        except OSError as error:
+            os.close(self._fd)
+            self.active_path.unlink(missing_ok=True)
+            raise BadInput(f"{self.active_path}: can't record there ({error.strerror}); make room") from None
+
+    @property
+    def messages(self) -> int:
+        """Messages recorded; after a failure those that are on disk."""
+        return sum(self._writer.counts) + (0 if self.failed else self._writer.waiting)
+
+    def write(self, channel: int, data: bytes, log_time_ns: int) -> None:
+        """Records one message.
+
+        Args:
+            channel: index into the channels.
+            data: CDR with its encapsulation header.
+            log_time_ns: time of the message [ns], not negative; it is the publish time too.
+        """
+        if self._closed or self.failed:
+            return
+        try:
+            self._writer.add_message(channel, data, log_time_ns)
+        except OSError as error:
+            self._fail(error)
+
+    def flush(self) -> None:
+        """Hands everything to the operating system: a process that is killed now loses nothing."""
+        if self._closed or self.failed:
+            return
+        try:
+            self._writer.flush()
+        except OSError as error:
+            self._fail(error)
+
+    def close(self, attachments: Sequence[Attachment] = ()) -> None:
+        """Finishes the recording: the file whole and under its name, then metadata.yaml. Further calls do nothing.
+
+        Args:
+            attachments: files that only exist at the end (learned policy, summary).
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if not self.failed:
+                self._finish(attachments)
+        except OSError as error:
+            self._fail(error)
+        finally:
+            os.close(self._fd)
+
+    def _finish(self, attachments: Sequence[Attachment]) -> None:
+        writer = self._writer
+        writer.flush()
+        self._attach(attachments)
+        information = bag_information(
+            self.path.name,
+            [
+                BagTopic(channel.topic, channel.type_name, channel.type_hash, channel.qos, count)
+                for channel, count in zip(self._channels, writer.counts, strict=True)
+            ],
+            writer.start_ns,
+            writer.end_ns,
+            self._custom_data,
+            os.environ.get("ROS_DISTRO", "jazzy"),
+        )
+        writer.add_metadata("rosbag2", {"serialized_metadata": to_yaml(information)})
+        writer.finish()
+        # Some file systems find out only here that the disk is full.
+        os.fsync(self._fd)
+        self.active_path.rename(self.path)
+        metadata = to_yaml({"rosbag2_bagfile_information": information})
+        write_atomically(self.path.with_name("metadata.yaml"), metadata.encode())
+
+    def _attach(self, attachments: Sequence[Attachment]) -> None:
+        for attachment in attachments:
+            self._writer.add_attachment(*attachment)
+
+    def _put(self, data: bytes) -> None:
+        rest = memoryview(data)
+        while rest:
+            rest = rest[os.write(self._fd, rest) :]
+        self._size += len(data)
+
+    def _fail(self, error: OSError) -> None:
+        """Latches the failure, and cuts off the part of a record that may have been written."""
+        self.failed = True
+        # Where even that fails a torn record stays at the end, which is what recovery is made for.
+        with suppress(OSError):
+            os.ftruncate(self._fd, self._size)
+        self._report(f"recording FAILED, the run goes on without it: {self.path.parent}: {error.strerror}")
