@@ -53,7 +53,7 @@ def ensured_environment(root: Path, purpose: str, environ: Mapping[str, str]) ->
         from .set_up import set_up  # it and what it imports are not needed by a start that has nothing to do
 
         set_up(target, purpose, environ)
-    packages = [package.name for package in workspace.find_packages(target.workspace / "src")]
+    packages = workspace.find_packages(target.workspace / "src")
     return target, process_environment(target, environ, packages)
 
 

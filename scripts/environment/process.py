@@ -8,6 +8,7 @@ from pathlib import Path
 
 from .progress import say
 from .target import DISTRO, Target, is_inside, split_path
+from .workspace import Package
 
 # Set by the wheels' start-up hook, which otherwise runs every Python a second time to set LD_LIBRARY_PATH.
 BOOTSTRAPPED = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
@@ -15,7 +16,7 @@ SEARCH_PATHS = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "C
 OF_A_DISTRO = ("ROS_DISTRO", "ROS_VERSION", "ROS_PYTHON_VERSION", "ROS_PACKAGE_PATH", "ROS_ROOT", "ROS_ETC_DIR")
 
 
-def process_environment(target: Target, environ: Mapping[str, str], packages: list[str]) -> dict[str, str]:
+def process_environment(target: Target, environ: Mapping[str, str], packages: list[Package]) -> dict[str, str]:
     """`environ`, changed so that the workspace's `packages` and what they stand on are found.
 
     The user's choices (domain, discovery range, log directory, ...) stay. Leftovers of another ROS are taken out,
@@ -24,9 +25,9 @@ def process_environment(target: Target, environ: Mapping[str, str], packages: li
     result = without_foreign_ros(target, environ)
     result.pop("PYTHONHOME", None)
     result.pop(BOOTSTRAPPED, None)
-    installed = [target.install / package for package in packages]
+    installed = [target.install / package.name for package in packages]
     python_path = [prefix / "lib" / "python3.12" / "site-packages" for prefix in installed]
-    libraries = [prefix / "lib" for prefix in installed if (prefix / "lib").is_dir()]
+    libraries = [target.install / package.name / "lib" for package in packages if package.is_compiled]
     if target.underlay:
         # The executables' shebang may be the system's python3: give it the packages of our environment as well.
         append(result, "PYTHONPATH", [target.site_packages])
@@ -78,8 +79,8 @@ def without_foreign_ros(target: Target, environ: Mapping[str, str]) -> dict[str,
         set_path(result, name, kept)
     distro = environ.get("ROS_DISTRO")
     if foreign:
-        sourced = f"ROS {distro}" if distro and distro != DISTRO else ", ".join(map(str, foreign[:2]))
-        say(f"{sourced} is sourced, which is no system Jazzy with rclpy: ignored, the Jazzy wheels are used")
+        sourced = f"ROS 2 {distro} is sourced" if distro and distro != DISTRO else f"{foreign[0]} is sourced"
+        say(f"{sourced}, which is not the system Jazzy that could be used: it is ignored, for the Jazzy wheels")
     if result.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp") != "rmw_fastrtps_cpp":
         say(f"RMW_IMPLEMENTATION={result.pop('RMW_IMPLEMENTATION')} is ignored: the wheels hold rmw_fastrtps_cpp alone")
     return result
