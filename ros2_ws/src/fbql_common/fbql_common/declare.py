@@ -41,7 +41,7 @@ def _descriptor(kind: Any, limits: Limits) -> ParameterDescriptor:
     return descriptor
 
 
-def declare_parameters(node: Node, declaration: type[T]) -> T:
+def declare_parameters[T](node: Node, declaration: type[T]) -> T:
     """Declares every field as a read-only parameter with type, range and description; gives the typed values.
 
     Raises:
@@ -61,7 +61,7 @@ def declare_all(node: Node, *declarations: type[Any]) -> tuple[Any, ...]:
     return tuple(_declare(node, declaration, where) for declaration in declarations)
 
 
-def _declare(node: Node, declaration: type[T], where: str) -> T:
+def _declare[T](node: Node, declaration: type[T], where: str) -> T:
     kinds, limits, values = types_of(declaration), limits_of(declaration), {}
     for name, default in defaults_of(declaration).items():
         override = node._parameter_overrides.get(name)
@@ -75,10 +75,12 @@ def _declare(node: Node, declaration: type[T], where: str) -> T:
                 )
             value = list(override.value) if kind == list[str] else override.value
             from_mapping(declaration, {name: value}, where)
+        # The type of an empty list can't be told from its value.
+        declared = _TYPES[kinds[name]] if default == [] else default
         try:
-            values[name] = node.declare_parameter(name, default, _descriptor(kinds[name], limits[name])).value
+            values[name] = node.declare_parameter(name, declared, _descriptor(kinds[name], limits[name])).value
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             raise BadInput(f"{where}: {error}") from None
         if kinds[name] == list[str]:
-            values[name] = list(values[name])
+            values[name] = list(values[name] or [])
     return from_mapping(declaration, values, where)

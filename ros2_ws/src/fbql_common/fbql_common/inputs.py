@@ -8,20 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import monotonic
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_policy_name_from_kind
 
-from fbql_common.wire import MESSAGES, Rejected
+from fbql_common.wire import MESSAGES, Rejected, type_name
 
 T = TypeVar("T")
 
 WARN_PERIOD_S = 1.0
 
 
-class Input(Generic[T]):
+class Input[T]:
     """Subscribes `node` to `topic` and hands (value, bytes) of each sound message to `deliver`.
 
     Args:
@@ -41,14 +41,13 @@ class Input(Generic[T]):
         self._node = node
         self._decode = decode
         self._deliver = deliver
-        self._message = MESSAGES[kind]
         self.received = 0
         self.dropped = 0
         self._last_s: float | None = None
         self._warned_s = float("-inf")
         self._mismatches: set[str] = set()
         self._subscription = node.create_subscription(
-            self._message,
+            MESSAGES[kind],
             topic,
             self._on_bytes,
             qos,
@@ -56,8 +55,7 @@ class Input(Generic[T]):
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible_qos),
         )
         self.topic = self._subscription.topic_name
-        type_name = self._message.__module__.split(".")
-        self.type_name = f"{type_name[0]}/msg/{self._message.__name__}"
+        self._type_name = type_name(kind)
 
     def _on_bytes(self, data: bytes) -> None:
         try:
@@ -75,7 +73,9 @@ class Input(Generic[T]):
         now = monotonic()
         if now - self._warned_s >= WARN_PERIOD_S:
             self._warned_s = now
-            self._node.get_logger().warning(f"dropped a message on {self.topic}: {reason} ({self.dropped} dropped so far)")
+            self._node.get_logger().warning(
+                f"dropped a message on {self.topic}: {reason} ({self.dropped} dropped so far)"
+            )
 
     def age_s(self) -> float | None:
         """Time since the last sound message [s], on the steady clock; None before the first."""
@@ -88,8 +88,10 @@ class Input(Generic[T]):
     def check_types(self) -> None:
         """Logs an ERROR, once, for each publisher of another type: DDS keeps such a mismatch silent."""
         for info in self._node.get_publishers_info_by_topic(self.topic):
-            if info.topic_type != self.type_name:
-                self._mismatch(f"{self.topic}: node '{info.node_name}' publishes {info.topic_type}, expected {self.type_name}")
+            if info.topic_type != self._type_name:
+                self._mismatch(
+                    f"{self.topic}: node '{info.node_name}' publishes {info.topic_type}, expected {self._type_name}"
+                )
 
     def _on_incompatible_qos(self, event: Any) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)

@@ -11,11 +11,10 @@ from pathlib import Path
 from types import FrameType
 
 import rclpy
-from rclpy._rclpy_pybind11 import RCLError
-from rclpy.exceptions import ROSInterruptException
-from rclpy.executors import ExternalShutdownException
+from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from fbql_common.core.errors import BadInput
@@ -41,67 +40,67 @@ class GraphNode(Node):
             self.finished.set_result(code)
 
     def close(self) -> None:
-        """Called once when the spinning has ended, however it ended, while the context may be shut down already."""
+        """Called once when the spinning has ended, however it ended; publishing still works."""
+
+
+class _Signals:
+    """SIGINT, SIGTERM and SIGHUP ask for the end; the context stays valid until the nodes are closed.
+
+    rclpy's own handlers shut the context down in the middle of a callback. Ours only take note, so that the callback
+    under way ends well and close() can still publish. A second signal changes nothing: a recording is being finished.
+    """
+
+    def __init__(self) -> None:
+        self.came = False
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._note)
+
+    def _note(self, _number: int, _frame: FrameType | None) -> None:
+        self.came = True
 
 
 def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | None = None) -> int:
     """Makes the nodes, spins them in one executor until one finishes or a signal comes, and closes them.
 
     Returns:
-        0 when the work is done or SIGINT, SIGTERM or SIGHUP came, 1 when a node failed, 2 on bad input.
+        0 when the work is done or a signal came, 2 on bad input, else the code that a node finished with.
     """
+    signals = _Signals()
     try:
         _refuse_security()
         _writable_log_directory()
-        rclpy.init(args=list(sys.argv if args is None else args))
+        rclpy.init(args=list(sys.argv if args is None else args), signal_handler_options=SignalHandlerOptions.NO)
     except BadInput as error:
-        return _say(error, BAD_INPUT)
-    except (RCLError, ValueError, rclpy.exceptions.InvalidNodeNameException) as error:
-        return _say(_first_line(error), BAD_INPUT)
-    signal.signal(signal.SIGHUP, _shutdown)
+        return _say(error)
+    except UnknownROSArgsError as error:
+        return _say(f"unknown ROS arguments: {', '.join(error.args[0])}")
+    except RCLError as error:
+        return _say(str(error).strip().splitlines()[0])
     nodes: list[GraphNode] = []
-    code = DONE
     try:
         executor = EventsExecutor()
         for make in make_nodes:
             node = make()
             nodes.append(node)
             executor.add_node(node)
-        code = _spin(executor, nodes)
+        return _spin(executor, nodes, signals)
     except BadInput as error:
-        code = _say(error, BAD_INPUT)
-    except (KeyboardInterrupt, ExternalShutdownException, ROSInterruptException):
-        pass
-    except RCLError:
-        if rclpy.ok():
-            raise
+        return _say(error)
     finally:
-        # A second signal must not cut the closing short: a recording is being finished.
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, signal.SIG_IGN)
-        codes = [_close(node) for node in nodes]
         rclpy.try_shutdown()
-    return code or max(codes, default=DONE)
 
 
-def _spin(executor: EventsExecutor, nodes: Sequence[GraphNode]) -> int:
+def _spin(executor: EventsExecutor, nodes: Sequence[GraphNode], signals: _Signals) -> int:
     ended: Future = Future()
     for node in nodes:
-        node.finished.add_done_callback(lambda done: ended.done() or ended.set_result(done.result()))
-        if node.finished.done() and not ended.done():
-            ended.set_result(node.finished.result())
-    while rclpy.ok() and not ended.done():
-        executor.spin_until_future_complete(ended, timeout_sec=_PATIENCE_S)
-    return ended.result() if ended.done() else DONE
-
-
-def _close(node: GraphNode) -> int:
-    node.close()
-    return node.finished.result() if node.finished.done() else DONE
-
-
-def _shutdown(_number: int, _frame: FrameType | None) -> None:
-    rclpy.try_shutdown()
+        node.finished.add_done_callback(lambda _: ended.done() or ended.set_result(None))
+    try:
+        while not (signals.came or ended.done()):
+            executor.spin_until_future_complete(ended, timeout_sec=_PATIENCE_S)
+    finally:
+        for node in nodes:
+            node.close()
+    return max((node.finished.result() for node in nodes if node.finished.done()), default=DONE)
 
 
 def _refuse_security() -> None:
@@ -131,10 +130,6 @@ def _writable_log_directory() -> None:
         print(f"log directory {directory}: {error.strerror}; using {os.environ['ROS_LOG_DIR']}", file=sys.stderr)
 
 
-def _first_line(error: Exception) -> str:
-    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-
-
-def _say(message: object, code: int) -> int:
+def _say(message: object) -> int:
     print(message, file=sys.stderr)
-    return code
+    return BAD_INPUT

@@ -67,7 +67,9 @@ class WorldWatch:
             return
         paused = age_s > PAUSED_AFTER_S
         if paused and not self._paused:
-            self._node.get_logger().warning(f"simulation paused: no world state on {self._input.topic} for {age_s:.1f} s")
+            self._node.get_logger().warning(
+                f"simulation paused: no world state on {self._input.topic} for {age_s:.1f} s"
+            )
         if self._paused and not paused:
             self._node.get_logger().info("simulation goes on")
         self._paused = paused

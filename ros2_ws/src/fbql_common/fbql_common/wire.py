@@ -22,13 +22,24 @@ from fbql_common.core.cdr import Codec, Malformed
 from fbql_common.core.types import FIELD_FRAME, BehaviorOutput, Decision, WheelCommand, World
 
 NS = 1_000_000_000
-MESSAGES = {BehaviorOutput: BehaviorOutputMsg, Decision: FusionDecisionMsg, WheelCommand: WheelCommandMsg, World: WorldStateMsg}
+MESSAGES = {
+    BehaviorOutput: BehaviorOutputMsg,
+    Decision: FusionDecisionMsg,
+    WheelCommand: WheelCommandMsg,
+    World: WorldStateMsg,
+}
 _NESTED = {"std_msgs/Header": Header, "builtin_interfaces/Time": Time}
 _UNBOUNDED = {"double": "float64", "boolean": "bool", "octet": "uint8"}
 
 
 class Rejected(ValueError):
     """A message that arrived and is not acted on; the text is the reason."""
+
+
+def type_name(kind: type[Any]) -> str:
+    """The message type of a domain type, as pkg/msg/Name."""
+    message = MESSAGES[kind]
+    return f"{message.__module__.split('.')[0]}/msg/{message.__name__}"
 
 
 def _kinds(message: Any) -> list[str]:

@@ -39,11 +39,21 @@ class SimulatorNodeParameters:
     """What the simulator node can be told beside the physics and the task."""
 
     seed: int = parameter(0, "seed of the start that is shown before the first reset", low=0)
-    realtime: float = parameter(0.0, "speed relative to real time; 0: lockstep, as fast as commands come", low=0.0, high=100.0)
-    command_timeout_s: float = parameter(0.25, "real time: a command older than this stops the wheels", unit="s", low=0.01, high=10.0)
-    request_period_s: float = parameter(0.25, "a world state without answer is published again after this", unit="s", low=0.02, high=10.0)
+    realtime: float = parameter(
+        0.0, "speed relative to real time; 0: lockstep, as fast as commands come", low=0.0, high=100.0
+    )
+    command_timeout_s: float = parameter(
+        0.25, "real time: a command older than this stops the wheels", unit="s", low=0.01, high=10.0
+    )
+    request_period_s: float = parameter(
+        0.25, "a world state without answer is published again after this", unit="s", low=0.02, high=10.0
+    )
     lockstep_timeout_s: float = parameter(
-        0.0, "lockstep: an episode under way without a command for this long ends the run; 0: waits for ever", unit="s", low=0.0, high=3600.0
+        0.0,
+        "lockstep: an episode under way without a command for this long ends the run; 0: waits for ever",
+        unit="s",
+        low=0.0,
+        high=3600.0,
     )
 
 
@@ -94,7 +104,9 @@ class SimulatorNode(GraphNode):
             self._command, self._command_s = command, monotonic()
         elif (command.episode, command.step) != (world.episode, world.step):
             if command.stamp_ns > world.stamp_ns:
-                self._input.drop(f"a command for episode {command.episode}, step {command.step}, which is not there yet")
+                self._input.drop(
+                    f"a command for episode {command.episode}, step {command.step}, which is not there yet"
+                )
             # An older one is the answer to a world state that was published twice: nothing to do.
         elif not world.ended:
             self._step(command.left_rad_s, command.right_rad_s)
@@ -108,7 +120,9 @@ class SimulatorNode(GraphNode):
         if self._stopped and fresh:
             self.get_logger().info("commands come: the wheels turn")
         elif not self._stopped and not fresh:
-            self.get_logger().warning(f"no command for {self._parameters.command_timeout_s:g} s: the wheels are stopped")
+            self.get_logger().warning(
+                f"no command for {self._parameters.command_timeout_s:g} s: the wheels are stopped"
+            )
         self._stopped = not fresh
         if fresh and self._command is not None:
             self._step(self._command.left_rad_s, self._command.right_rad_s)

@@ -53,7 +53,9 @@ class Views:
     def __init__(self, node: Node, always: bool) -> None:
         self._node = node
         self._always = always
-        self._poses = [node.create_publisher(PoseStamped, topic, POSE_QOS) for topic in (ROBOT_POSE, BALL_POSE, WALL_POSE)]
+        self._poses = [
+            node.create_publisher(PoseStamped, topic, POSE_QOS) for topic in (ROBOT_POSE, BALL_POSE, WALL_POSE)
+        ]
         self._clock = node.create_publisher(Clock, CLOCK, POSE_QOS)
         self._markers = node.create_publisher(MarkerArray, "~/markers", POSE_QOS)
         self._diagnostics = node.create_publisher(DiagnosticArray, DIAGNOSTICS, POSE_QOS)
@@ -99,7 +101,9 @@ class Views:
 def markers_msg(world: World) -> MarkerArray:
     """Field, walls, robot, ball and closest wall point for RViz and Foxglove."""
     header = Header(stamp=_stamp(world.stamp_ns), frame_id=FIELD_FRAME)
-    ground = _marker(header, "ground", Marker.CUBE, _GREEN, (FIELD.length_m, FIELD.width_m, 0.002), (0.0, 0.0, -0.002, 0.0))
+    ground = _marker(
+        header, "ground", Marker.CUBE, _GREEN, (FIELD.length_m, FIELD.width_m, 0.002), (0.0, 0.0, -0.002, 0.0)
+    )
     walls = _marker(header, "walls", Marker.LINE_LIST, _WHITE, (0.01, 0.0, 0.0), (0.0, 0.0, _WALL_M / 2, 0.0))
     walls.points = [Point(x=float(x_m), y=float(y_m)) for segment in SEGMENTS for x_m, y_m in segment]
     robot = (world.robot_x_m, world.robot_y_m, ROBOT_SIDE_M / 2, world.robot_yaw_rad)

@@ -79,6 +79,8 @@ class Codec:
             self._parts.append(kind)
         if run:
             self._parts.append(_Run(run))
+        # At the end there is padding to 4 bytes, and the middleware reserves 4 for each sequence that is empty.
+        self._slack = 3 + 4 * sum(kind.startswith("sequence") for kind in kinds)
 
     def encode(self, values: Sequence[object]) -> bytes:
         """The message as CDR bytes with their encapsulation header.
@@ -124,7 +126,7 @@ class Codec:
                     values.append(value)
         except (struct_error, UnicodeDecodeError) as error:
             raise Malformed(str(error)) from None
-        if len(data) - offset > 3:
+        if len(data) - offset > self._slack:
             raise Malformed(f"{len(data) - offset} bytes too long")
         return values
 

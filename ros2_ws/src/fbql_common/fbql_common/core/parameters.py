@@ -63,7 +63,7 @@ def defaults_of(declaration: type[Any]) -> dict[str, Any]:
     return {field.name: getattr(instance, field.name) for field in dataclasses.fields(declaration)}
 
 
-def from_mapping(declaration: type[T], values: Mapping[str, Any], where: str) -> T:
+def from_mapping[T](declaration: type[T], values: Mapping[str, Any], where: str) -> T:
     """Makes a declaration's instance from values, each checked.
 
     Raises:
@@ -80,8 +80,9 @@ def from_mapping(declaration: type[T], values: Mapping[str, Any], where: str) ->
 
 def check(instance: Any, where: str) -> None:
     """Raises BadInput naming the first parameter whose value is of a wrong type or out of range."""
-    kinds = types_of(type(instance))
-    for name, limits in limits_of(type(instance)).items():
+    declaration: type[Any] = instance.__class__
+    kinds = types_of(declaration)
+    for name, limits in limits_of(declaration).items():
         value = getattr(instance, name)
         kind = kinds[name]
         if not _is_of(value, kind):

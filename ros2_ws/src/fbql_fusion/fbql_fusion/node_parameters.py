@@ -1,0 +1,41 @@
+"""What the fusion node can be told beside what is fused and learned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fbql_common.core.parameters import parameter
+
+
+@dataclass(frozen=True)
+class FusionNodeParameters:
+    """Files, and what to do when something does not come."""
+
+    run_directory: str = parameter(
+        "",
+        "directory of the run: made, or one without a recording; empty: runs/TIME-CONTROLLER-sSEED in the working directory",
+    )
+    record: bool = parameter(True, "whether the run is recorded to MCAP")
+    policy: str = parameter("", "policy.npz of an earlier run to start from; empty: none")
+    tree_files: list[str] = parameter([], "tree files that are played: copied into the run directory and the recording")
+    config_file: str = parameter(
+        "", "parameter file of the whole graph, for the run's config.yaml; empty: only this node's"
+    )
+    flush_period_s: float = parameter(0.5, "what a crash can lose of the recording", unit="s", low=0.05, high=60.0)
+    behavior_timeout_s: float = parameter(
+        0.1,
+        "a behavior that answers later than this is left out: weights of the others, nothing learned in this episode; 0: never",
+        unit="s",
+        low=0.0,
+        high=60.0,
+    )
+    lockstep_timeout_s: float = parameter(
+        0.0,
+        "a step whose answers take longer than this ends the run; 0: waits for ever",
+        unit="s",
+        low=0.0,
+        high=3600.0,
+    )
+    world_timeout_s: float = parameter(
+        0.5, "without a world state for this long the wheels are stopped", unit="s", low=0.05, high=60.0
+    )

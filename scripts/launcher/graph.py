@@ -1,0 +1,84 @@
+"""The graph of a match: which processes it is made of, and the parameters of each node."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import yaml
+from ament_index_python.packages import get_package_prefix
+from fbql_common.core.errors import BadInput
+
+from launcher.options import Match
+from launcher.processes import NodeProcess, start
+
+LOCKSTEP_TIMEOUT_S = 10.0
+"""How long a step may take in a supervised graph before the run ends, naming who is missing [s]."""
+
+
+def node_names(match: Match) -> list[str]:
+    """Every node of the graph."""
+    return ["simulator", *match.behaviors, "fusion"]
+
+
+def write_parameters(match: Match, run: Path, realtime: float) -> Path:
+    """Writes the parameters of every node as a ROS parameter file."""
+    path = run / "log" / "parameters.yaml"
+    nodes: dict[str, dict[str, Any]] = {
+        "simulator": {
+            **asdict(match.simulation),
+            "seed": match.fusion.seed,
+            "realtime": float(realtime),
+            "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S,
+        },
+        "fusion": {
+            **asdict(match.fusion),
+            "run_directory": str(run),
+            "policy": str(match.policy or ""),
+            "tree_files": [str(file) for file in match.behaviors.values()],
+            "config_file": str(path),
+            # Supervised and in lockstep nobody plays on without a behavior: the run ends, naming it.
+            "behavior_timeout_s": 0.1 if realtime > 0 else 0.0,
+            "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S,
+        },
+    }
+    for name, tree_file in match.behaviors.items():
+        nodes[name] = {"tree_file": str(tree_file)}
+    document = {f"/{name}": {"ros__parameters": parameters} for name, parameters in nodes.items()}
+    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    return path
+
+
+def start_many(match: Match, parameters: Path, environment: dict[str, str], log_directory: Path) -> list[NodeProcess]:
+    """Starts every node as a process of its own. The fusion node is the last."""
+    ros = ["--ros-args", "--params-file", str(parameters)]
+    commands = {"simulator": [executable("fbql_sim", "simulator"), *ros]}
+    for name in match.behaviors:
+        own = executable("fbql_behaviors", name, required=False)
+        commands[name] = [own or executable("fbql_behaviors", "behavior"), *ros]
+        if not own:
+            commands[name] += ["-r", f"__node:={name}", "-p", f"name:={name}"]
+    commands["fusion"] = [executable("fbql_fusion", "fusion"), *ros]
+    return [start(name, command, environment, log_directory) for name, command in commands.items()]
+
+
+def start_one(match: Match, parameters: Path, environment: dict[str, str], log_directory: Path) -> list[NodeProcess]:
+    """Starts every node in one process."""
+    command = [sys.executable, "-m", "launcher.one_process", *match.behaviors]
+    command += ["--ros-args", "--params-file", str(parameters)]
+    scripts = str(Path(__file__).resolve().parents[1])
+    path = os.pathsep.join([scripts, environment.get("PYTHONPATH", "")])
+    return [start("graph", command, {**environment, "PYTHONPATH": path}, log_directory)]
+
+
+def executable(package: str, name: str, required: bool = True) -> str:
+    """The file that `ros2 run PACKAGE NAME` would run; "" where there is none and none is required."""
+    path = Path(get_package_prefix(package)) / "lib" / package / name
+    if path.is_file():
+        return str(path)
+    if required:
+        raise BadInput(f"package '{package}' has no executable '{name}': build the workspace again")
+    return ""

@@ -1,0 +1,169 @@
+"""The options of a match, shared by bringup (ROS) and train (in-process)."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any, NoReturn
+
+from fbql_common.core.errors import BadInput
+from fbql_common.core.parameters import from_mapping, limits_of, types_of
+from fbql_fusion.core.parameters import CONTROLLERS, PRESETS, FusionParameters, check_fusion
+from fbql_sim.core.parameters import SimulationParameters
+
+ROOT = Path(__file__).resolve().parents[2]
+RUNS = ROOT / "runs"
+DEFAULT_GOALS = 10
+
+
+@dataclass(frozen=True)
+class Match:
+    """What is to be played, and where the run goes."""
+
+    fusion: FusionParameters
+    simulation: SimulationParameters
+    behaviors: dict[str, Path]
+    """Tree file of each behavior, in the order of fusion.behaviors."""
+    policy: Path | None
+    out: Path
+    json: bool
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, and exits with 2."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (see --help)\n")
+
+
+def match_parser(program: str, description: str) -> Parser:
+    """A parser with the options that every way of playing a match has."""
+    parser = Parser(prog=program, description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    play = parser.add_argument_group("what is played")
+    play.add_argument("--controller", choices=CONTROLLERS, default="subsumption", help="who fuses the behaviors")
+    play.add_argument("--preset", choices=tuple(PRESETS), default="tuned", help="thresholds of Subsumption")
+    play.add_argument("--episodes", type=int, metavar="N", help="end after N episodes, guided ones not counted")
+    play.add_argument("--goals", type=int, metavar="N", help=f"end after N goals (without --episodes: {DEFAULT_GOALS})")
+    play.add_argument(
+        "--guided",
+        type=int,
+        metavar="N",
+        help="guided episodes before that (20 for a controller that learns and starts without a policy, else 0)",
+    )
+    play.add_argument(
+        "--max-steps", type=int, default=4000, metavar="N", help="steps after which an episode is truncated: a timeout"
+    )
+    play.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="seed of the run; every episode's seed is derived from it"
+    )
+    play.add_argument(
+        "--learn", action=argparse.BooleanOptionalAction, default=True, help="go on learning, where the controller can"
+    )
+    play.add_argument("--policy", type=Path, metavar="FILE", help="policy.npz of an earlier run to start from")
+    play.add_argument(
+        "--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior (the trees that ship)"
+    )
+    play.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="any other parameter of fusion or simulation, such as tie_rule=first or ball_robot_friction=0.1; may be repeated",
+    )
+    result = parser.add_argument_group("what comes out")
+    result.add_argument(
+        "--out", type=Path, metavar="DIR", help="run directory to make; it must not exist (runs/TIME-CONTROLLER-sSEED)"
+    )
+    result.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    return parser
+
+
+def match_from(arguments: argparse.Namespace, program: str) -> Match:
+    """The match that the arguments describe.
+
+    Raises:
+        BadInput: a value out of range, an unknown parameter, a file that is not there.
+    """
+    goals = arguments.goals
+    if goals is None:
+        goals = 0 if arguments.episodes is not None else DEFAULT_GOALS
+    for option in ("episodes", "goals"):
+        if getattr(arguments, option) is not None and getattr(arguments, option) < 1:
+            raise BadInput(f"{program}: --{option} is {getattr(arguments, option)}; it must be 1 or more")
+    values: dict[str, Any] = {
+        "controller": arguments.controller,
+        "preset": arguments.preset,
+        "episodes": arguments.episodes or 0,
+        "goals": goals,
+        "seed": arguments.seed,
+        "learn": arguments.learn,
+    }
+    if arguments.guided is not None:
+        values["guided"] = arguments.guided
+    simulation: dict[str, Any] = {"max_steps": arguments.max_steps}
+    for setting in arguments.set:
+        _add_setting(setting, values, simulation, program)
+    fusion = from_mapping(FusionParameters, values, program)
+    check_fusion(fusion, program)
+    return Match(
+        fusion=fusion,
+        simulation=from_mapping(SimulationParameters, simulation, program),
+        behaviors={name: _tree_file(name, arguments.trees, program) for name in fusion.behaviors},
+        policy=_existing(arguments.policy, program),
+        out=_out(arguments.out, fusion),
+        json=arguments.json,
+    )
+
+
+def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any], program: str) -> None:
+    name, equals, text = setting.partition("=")
+    for values, declaration in ((fusion, FusionParameters), (simulation, SimulationParameters)):
+        if equals and name in limits_of(declaration):
+            values[name] = _parsed(text, types_of(declaration)[name], name, program)
+            return
+    known = ", ".join(sorted([*limits_of(FusionParameters), *limits_of(SimulationParameters)]))
+    raise BadInput(f"{program}: --set {setting}: write NAME=VALUE with one of the names {known}")
+
+
+def _parsed(text: str, kind: Any, name: str, program: str) -> Any:
+    if kind is bool:
+        if text in ("true", "false"):
+            return text == "true"
+        raise BadInput(f"{program}: --set {name}: '{text}' is neither true nor false")
+    if kind == list[str]:
+        return [item.strip() for item in text.split(",") if item.strip()]
+    try:
+        return kind(text)
+    except ValueError:
+        raise BadInput(f"{program}: --set {name}: '{text}' is no number") from None
+
+
+def _tree_file(name: str, directory: Path | None, program: str) -> Path:
+    path = (directory or shipped_trees()) / f"{name}.json"
+    if not path.is_file():
+        raise BadInput(f"{program}: no tree for behavior '{name}': {path} is not there")
+    return path.resolve()
+
+
+def shipped_trees() -> Path:
+    """The directory of the trees that ship with fbql_behaviors."""
+    from ament_index_python.packages import get_package_share_directory
+
+    return Path(get_package_share_directory("fbql_behaviors")) / "trees"
+
+
+def _existing(path: Path | None, program: str) -> Path | None:
+    if path is not None and not path.is_file():
+        raise BadInput(f"{program}: --policy {path}: no such file")
+    return None if path is None else path.resolve()
+
+
+def _out(out: Path | None, fusion: FusionParameters) -> Path:
+    if out is not None:
+        return out.absolute()
+    RUNS.mkdir(exist_ok=True)
+    stem = f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"
+    names = (stem if count == 0 else f"{stem}-{count}" for count in range(1000))
+    return next(RUNS / name for name in names if not (RUNS / name).exists())

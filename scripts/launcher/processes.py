@@ -1,0 +1,90 @@
+"""Processes of the graph: each in a session of its own, bound to the launcher's life, its output in a file."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic, sleep
+
+_PR_SET_PDEATHSIG = 1
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_TAIL_LINES = 15
+PATIENCE_S = (3.0, 1.0)
+"""How long SIGINT and then SIGTERM are given before the next, harder signal [s]."""
+
+
+@dataclass
+class NodeProcess:
+    """One running process of the graph."""
+
+    name: str
+    popen: subprocess.Popen[bytes]
+    log_file: Path
+    asked_to_stop: bool = field(default=False)
+
+    @property
+    def exit_code(self) -> int | None:
+        """Its exit code, negative for a signal; None while it runs."""
+        return self.popen.poll()
+
+    def send(self, number: signal.Signals) -> None:
+        """Signals its whole process group. A process that is gone is no error."""
+        self.asked_to_stop = True
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.popen.pid, number)
+
+    def tail(self) -> str:
+        """The end of what it printed."""
+        lines = self.log_file.read_text(errors="replace").splitlines()
+        return "\n".join(lines[-_TAIL_LINES:])
+
+
+def start(name: str, command: Sequence[str], environment: dict[str, str], log_directory: Path) -> NodeProcess:
+    """Starts a process that leads a session of its own and gets SIGTERM when the launcher dies, however it dies.
+
+    Must be called from the main thread: the kernel binds the child to the thread that made it.
+    """
+    log_file = log_directory / f"{name}.log"
+    launcher = os.getpid()
+
+    def bind_to_launcher() -> None:
+        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != launcher:
+            os._exit(1)
+
+    with log_file.open("wb") as output:
+        popen = subprocess.Popen(
+            list(command),
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            preexec_fn=bind_to_launcher,
+        )
+    return NodeProcess(name, popen, log_file)
+
+
+def stop(processes: Sequence[NodeProcess]) -> list[str]:
+    """Ends processes: SIGINT, then SIGTERM, then SIGKILL; names those that had to be killed.
+
+    Only processes that were started here are touched. Takes at most the sum of PATIENCE_S.
+    """
+    for number, patience_s in zip((signal.SIGINT, signal.SIGTERM), PATIENCE_S, strict=True):
+        running = [process for process in processes if process.exit_code is None]
+        for process in running:
+            process.send(number)
+        deadline = monotonic() + patience_s
+        while any(process.exit_code is None for process in running) and monotonic() < deadline:
+            sleep(0.01)
+    killed = [process for process in processes if process.exit_code is None]
+    for process in killed:
+        process.send(signal.SIGKILL)
+        process.popen.wait()
+    return [process.name for process in killed]

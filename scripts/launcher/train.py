@@ -1,0 +1,95 @@
+"""Plays a match without ROS, in one loop of the same core objects: the same options, results and digest as bringup."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from time import monotonic
+
+from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.storage import load_tree
+from fbql_common.core.errors import BadInput
+from fbql_common.core.types import Phase
+from fbql_fusion.core.session import Session
+from fbql_fusion.policy_storage import load_policy
+from fbql_fusion.run_directory import RunDirectory, create_run_directory, git_revision, software_versions
+from fbql_sim.core.world_loop import WorldLoop
+
+from launcher.in_process import play
+from launcher.interrupts import Interrupts
+from launcher.options import ROOT, Match, match_from, match_parser
+from launcher.panel import Panel
+from launcher.result import summary_text
+
+PROGRAM = "train.py"
+_DONE, _FAILED, _BAD_INPUT = 0, 1, 2
+
+
+def main(argv: Sequence[str]) -> int:
+    """Runs the command. Gives the exit code."""
+    interrupts = Interrupts()
+    parser = match_parser(PROGRAM, "Plays a match in one process without ROS, as fast as it goes. Nothing is recorded.")
+    arguments = parser.parse_args(list(argv))
+    try:
+        match = match_from(arguments, PROGRAM)
+        session = Session(match.fusion, None if match.policy is None else load_policy(match.policy))
+        behaviors = [Behavior(name, load_tree(path)) for name, path in match.behaviors.items()]
+        loop = WorldLoop(match.simulation)
+        create_run_directory(match.out)
+        run = RunDirectory(match.out, _config(match), list(match.behaviors.values()), _report)
+    except BadInput as error:
+        print(error, file=sys.stderr)
+        return _BAD_INPUT
+    panel = Panel()
+    begun_s = monotonic()
+
+    def episode_ended() -> bool:
+        run.add_episode(session.records[-1])
+        panel.show(_status(session, monotonic() - begun_s))
+        return not interrupts.came
+
+    play(session, loop, behaviors, episode_ended)
+    wall_s = monotonic() - begun_s
+    panel.close()
+    policy = session.policy()
+    if policy is not None:
+        run.write_policy(policy)
+    summary = session.summary(wall_s, messages_recorded=0, incomplete=run.failed)
+    run.write_summary(summary)
+    run.close()
+    values = summary._asdict()
+    print(json.dumps(values) if match.json else summary_text(values, match.out, match.simulation.dt_s))
+    return _FAILED if run.failed else _DONE
+
+
+def _config(match: Match) -> dict[str, object]:
+    return {
+        "versions": software_versions(),
+        "git_revision": git_revision(ROOT),
+        "parameters": {
+            "simulator": asdict(match.simulation),
+            "fusion": {**asdict(match.fusion), "policy": str(match.policy or "")},
+            **{name: {"tree_file": str(path)} for name, path in match.behaviors.items()},
+        },
+    }
+
+
+def _status(session: Session, elapsed_s: float) -> dict[str, str]:
+    record = session.records[-1]
+    outcomes = [each.outcome for each in session.records if each.phase is not Phase.GUIDED]
+    return {
+        "episode": str(record.index),
+        "phase": record.phase.name.lower(),
+        "step": str(record.steps),
+        "goals": str(outcomes.count("goal")),
+        "own_goals": str(outcomes.count("own_goal")),
+        "timeouts": str(outcomes.count("timeout")),
+        "steps_per_s": f"{session.steps / elapsed_s:.0f}",
+        "weights": "",
+    }
+
+
+def _report(text: str) -> None:
+    print(text, file=sys.stderr)

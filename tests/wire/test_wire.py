@@ -1,0 +1,136 @@
+"""Every message of ours: domain type -> bytes -> the middleware's own message and back, no field at its default."""
+
+import math
+
+import pytest
+from fbql_common import wire
+from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+
+FINITE = st.floats(-1e6, 1e6)
+STEPS = st.integers(0, 2**40)
+STAMPS = st.integers(0, 2**31 * 10**9 - 1)
+NAMES = st.text(st.characters(min_codepoint=1, max_codepoint=0x2FF), max_size=12)
+WORLDS = st.builds(World, STAMPS, st.integers(-1, 2**40), STEPS, *[FINITE] * 12, *[st.booleans()] * 6)
+OUTPUTS = st.tuples(st.integers(1, 900), st.integers(0, 10**6)).flatmap(
+    lambda leaves: st.builds(
+        BehaviorOutput,
+        STAMPS,
+        STEPS,
+        STEPS,
+        NAMES,
+        FINITE,
+        FINITE,
+        st.just(leaves[1] % leaves[0]),
+        st.just(leaves[0]),
+        NAMES,
+        st.booleans(),
+        st.lists(FINITE, max_size=4).map(tuple),
+    )
+)
+COMMANDS = st.builds(WheelCommand, STAMPS, STEPS, STEPS, FINITE, FINITE)
+DECISIONS = st.builds(
+    Decision,
+    STAMPS,
+    STEPS,
+    STEPS,
+    NAMES,
+    st.integers(0, 2),
+    st.lists(NAMES, max_size=4).map(tuple),
+    st.lists(st.integers(-1, 900), max_size=4).map(tuple),
+    st.lists(FINITE, max_size=4).map(tuple),
+    st.lists(FINITE, max_size=4).map(tuple),
+    st.integers(-1, 3),
+    FINITE,
+    st.booleans(),
+)
+PAIRS = [
+    (WORLDS, wire.encode_world, wire.decode_world),
+    (OUTPUTS, wire.encode_output, wire.decode_output),
+    (COMMANDS, wire.encode_command, wire.decode_command),
+    (DECISIONS, wire.encode_decision, wire.decode_decision),
+]
+
+WORLD = World(1_234_567_890, 3, 17, -1.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, *[True, False] * 3)
+OUTPUT = BehaviorOutput(5, 1, 2, "ball_seeking", 1.0, 2.0, 3, 110, "ab" * 32, True, (0.5, 0.25))
+COMMAND = WheelCommand(5, 1, 2, 1.5, -2.5)
+DECISION = Decision(5, 1, 2, "fbql", 1, ("a", "b"), (1, 2), (0.1, 0.2), (0.3, 0.7), 1, -5.0, True)
+
+
+@pytest.mark.parametrize(("values", "encode", "decode"), PAIRS)
+def test_round_trip_through_our_bytes_keeps_every_field(values, encode, decode):
+    @given(values)
+    def check(value):
+        assert decode(encode(value)) == value
+
+    check()
+
+
+@pytest.mark.parametrize(("values", "encode", "decode"), PAIRS)
+def test_the_middleware_reads_our_bytes_and_we_read_its(values, encode, decode):
+    @given(values)
+    def check(value):
+        message = deserialize_message(encode(value), wire.MESSAGES[type(value)])
+        assert decode(serialize_message(message)) == value
+
+    check()
+
+
+def test_fields_arrive_under_their_own_names():
+    message = deserialize_message(wire.encode_world(WORLD), wire.MESSAGES[World])
+    assert (message.header.stamp.sec, message.header.stamp.nanosec, message.header.frame_id) == (
+        1,
+        234_567_890,
+        "field",
+    )
+    for name in World._fields[1:]:
+        assert getattr(message, name) == getattr(WORLD, name), name
+
+
+@pytest.mark.parametrize("value", [OUTPUT, COMMAND, DECISION])
+def test_fields_of_the_other_messages_arrive_under_their_own_names(value):
+    encode = {BehaviorOutput: wire.encode_output, WheelCommand: wire.encode_command, Decision: wire.encode_decision}
+    message = deserialize_message(encode[type(value)](value), wire.MESSAGES[type(value)])
+    for name in value._fields[1:]:
+        got, expected = getattr(message, name), getattr(value, name)
+        assert (tuple(got) if isinstance(expected, tuple) else got) == expected, name
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", World._fields[3:15])
+def test_world_with_a_number_that_is_not_finite_is_rejected(field, bad):
+    with pytest.raises(wire.Rejected, match="not finite"):
+        wire.decode_world(wire.encode_world(WORLD._replace(**{field: bad})))
+
+
+def test_reference_and_command_that_are_not_finite_are_rejected():
+    with pytest.raises(wire.Rejected, match="not finite"):
+        wire.decode_output(wire.encode_output(OUTPUT._replace(left_rad_s=math.nan)))
+    with pytest.raises(wire.Rejected, match="not finite"):
+        wire.decode_command(wire.encode_command(COMMAND._replace(right_rad_s=math.inf)))
+
+
+@pytest.mark.parametrize("leaf_id", [-1, 110, 10**6])
+def test_leaf_id_out_of_range_is_rejected(leaf_id):
+    with pytest.raises(wire.Rejected, match="leaf_id"):
+        wire.decode_output(wire.encode_output(OUTPUT._replace(leaf_id=leaf_id)))
+
+
+def test_wrong_frame_is_rejected_naming_the_expected_one():
+    message = deserialize_message(wire.encode_world(WORLD), wire.MESSAGES[World])
+    message.header.frame_id = "map"
+    with pytest.raises(wire.Rejected, match="'map', expected 'field'"):
+        wire.decode_world(serialize_message(message))
+
+
+def test_bytes_of_another_message_are_rejected():
+    with pytest.raises(wire.Rejected, match="malformed"):
+        wire.decode_world(wire.encode_command(COMMAND))
+
+
+@pytest.mark.parametrize("value", ["1.0", None, b"1"])
+def test_wrong_python_type_is_caught_before_it_is_published(value):
+    with pytest.raises(TypeError):
+        wire.encode_command(COMMAND._replace(left_rad_s=value))
