@@ -24,6 +24,9 @@ from .target import Target
 # The one requirement that exists as source only. It is built with the locked setuptools, not with a downloaded one.
 SOURCE_ONLY = "empy"
 BUILD_TOOL = "setuptools"
+# What the installers say when all is downloaded and they begin to change the environment.
+PIP_BEGINS = "Installing collected packages"
+UV_BEGINS = "Prepared"
 CMAKE_HINT = "Install them, for example with `sudo apt install build-essential cmake`, and start again."
 
 
@@ -46,6 +49,7 @@ class SetUp:
         self.lock = lock
         self.logs = target.state / "log"
         self.logs.mkdir(exist_ok=True)
+        self.has_changed_environment = False
 
     def go(self) -> None:
         """Find out what is to be done, check that it can be done, and do it."""
@@ -108,14 +112,20 @@ class SetUp:
         """Install what the lock says, with its hashes checked. uv is faster; pip knows its own configuration."""
         lock_file, hashes = self.lock_file(), virtual.lock_hashes(self.target)
         entries = virtual.requirements(lock_file.read_text())
-        virtual.mark_unfinished(self.target)
-        first = []
+        first: list[Path] = []
         if SOURCE_ONLY in entries:
             build_tool = self.target.state / "build-tool.txt"
             build_tool.write_text(entries[BUILD_TOOL] + "\n")
             first = [build_tool]
-        for requirements in (*first, lock_file):
-            self.install_from(requirements, step)
+        was_usable = virtual.is_usable(self.target)
+        virtual.mark_unfinished(self.target)
+        try:
+            for requirements in (*first, lock_file):
+                self.install_from(requirements, step)
+        except BaseException:
+            if was_usable and not self.has_changed_environment:
+                virtual.unmark_unfinished(self.target)
+            raise
         stamp = {"path": str(self.target.venv), "run": hashes["run"]}
         if lock_file == self.target.test_lock:
             stamp["test"] = hashes["test"]
@@ -124,17 +134,27 @@ class SetUp:
     def install_from(self, requirements: Path, step: Step) -> None:
         """Install one requirements file."""
         python = str(self.target.python)
-        common = ["--require-hashes", "--only-binary", ":all:", "--no-binary", SOURCE_ONLY, "-r", str(requirements)]
+        common = ["--require-hashes", "--no-deps", "--only-binary", ":all:", "--no-binary", SOURCE_ONLY]
+        common += ["-r", str(requirements)]
         uv = self.uv()
         if uv is not None:
             options = ["--python", python, "--no-build-isolation-package", SOURCE_ONLY]
-            with contextlib.suppress(ChildError):
+            try:
+                self.has_changed_environment = True  # unless it says that it failed before
                 self.run([uv, "pip", "install", *options, *common], self.tool_environment(), "install-uv", step)
+            except ChildError as failure:
+                self.has_changed_environment = UV_BEGINS in failure.output
+            else:
                 return
         if not (self.target.site_packages / "pip").is_dir():
             self.run([python, "-m", "ensurepip"], self.tool_environment(), "ensurepip", step)
-        options = ["--disable-pip-version-check", "--no-input", "--no-user", "--no-build-isolation", "--use-pep517"]
-        self.run([python, "-m", "pip", "install", *options, *common], self.tool_environment(), "install-pip", step)
+        options = ["--disable-pip-version-check", "--no-input", "--no-user", "--retries", "2"]
+        options += ["--no-build-isolation", "--use-pep517"]
+        try:
+            self.run([python, "-m", "pip", "install", *options, *common], self.tool_environment(), "install-pip", step)
+        finally:
+            log = self.logs / "install-pip.txt"
+            self.has_changed_environment |= PIP_BEGINS in log.read_text(errors="replace")
 
     def uv(self) -> str | None:
         """The uv on PATH, if any."""

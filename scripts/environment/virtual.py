@@ -60,4 +60,9 @@ def mark_unfinished(target: Target) -> None:
 def mark_finished(target: Target, stamp: dict[str, Any]) -> None:
     """Say what the environment holds now, and that nobody works on it."""
     stamps.write(target.venv / STAMP, stamp)
+    unmark_unfinished(target)
+
+
+def unmark_unfinished(target: Target) -> None:
+    """Say that the environment is as its stamp says."""
     Path(target.venv, UNFINISHED).unlink()
