@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from time import monotonic
 
 import domain_coordinator
@@ -25,6 +26,7 @@ from launcher.result import next_steps, summary_text
 PROGRAM = "bringup.py"
 START_TIMEOUT_S = 30.0
 _LOOK_S = 0.05
+_DISCOVERY_S = 1.0
 _DONE, _FAILED, _BAD_INPUT, _INCOMPLETE = 0, 1, 2, 3
 
 
@@ -48,52 +50,49 @@ def parser() -> Parser:
         metavar="F",
         help="speed relative to real time; 0: lockstep, as fast as it goes",
     )
+    how.add_argument("--record", action=argparse.BooleanOptionalAction, default=True, help="record the run to MCAP")
     return result
 
 
 def main(argv: Sequence[str]) -> int:
     """Runs the command. Gives the exit code."""
     arguments = parser().parse_args(list(argv))
+    interrupts = Interrupts()
     try:
         if not 0 <= arguments.realtime <= 100:
             raise BadInput(f"{PROGRAM}: --realtime is {arguments.realtime:g}, outside of [0, 100]")
         match = match_from(arguments, PROGRAM)
         create_run_directory(match.out)
+        try:
+            return _play(match, graph.Mode(arguments.processes, arguments.realtime, arguments.record), interrupts)
+        except BadInput:
+            # Nothing was played: leave nothing behind.
+            shutil.rmtree(match.out)
+            raise
     except BadInput as error:
         print(error, file=sys.stderr)
         return _BAD_INPUT
-    return _play(match, match.out, arguments.processes, arguments.realtime)
 
 
-def _play(match: Match, run: Path, processes: str, realtime: float) -> int:
-    interrupts = Interrupts()
+def _play(match: Match, mode: graph.Mode, interrupts: Interrupts) -> int:
     panel = Panel()
-    parameters = graph.write_parameters(match, run, realtime)
     with _Domain() as domain_id:
-        environment = {
-            **os.environ,
-            "ROS_DOMAIN_ID": str(domain_id),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_LOG_DIR": str(run / "log"),
-        }
-        os.environ.update(environment)
+        # The launcher's own node logs with the run, too.
+        os.environ["ROS_LOG_DIR"] = str(match.out / "log")
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         observer = Observer(domain_id)
         started: list[NodeProcess] = []
         try:
             _refuse_twins(observer, match)
-            panel.say(
-                f"bringing up {len(graph.node_names(match))} nodes, {processes} process(es), ROS_DOMAIN_ID={domain_id}"
-            )
-            begin = graph.start_many if processes == "many" else graph.start_one
-            started = begin(match, parameters, environment, run / "log")
+            how = "a process each" if mode.processes == "many" else "in one process"
+            panel.say(f"bringing up {len(graph.node_names(match))} nodes, {how}, ROS_DOMAIN_ID={domain_id}")
+            environment = {**os.environ, "ROS_DOMAIN_ID": str(domain_id)}
+            started = graph.start_graph(match, mode, graph.write_parameters(match, mode), environment)
             _wait_for_graph(observer, started, match, interrupts)
             code = _supervise(observer, started, panel, interrupts)
         except Failure as failure:
             panel.say(f"{PROGRAM}: {failure}")
             code = _FAILED
-        except BadInput as error:
-            panel.say(str(error))
-            return _BAD_INPUT
         finally:
             killed = stop(started)
             panel.close()
@@ -102,8 +101,8 @@ def _play(match: Match, run: Path, processes: str, realtime: float) -> int:
         panel.say(f"{PROGRAM}: did not end in time and had to be killed: {', '.join(killed)}")
         code = code or _FAILED
     if interrupts.came:
-        panel.say(f"ended by {signal.Signals(interrupts.came).name}")
-    return _tell(match, run, code)
+        panel.say(f"ended by {signal.Signals(interrupts.came).name}; what was played until then is complete")
+    return _tell(match, code)
 
 
 class _Domain:
@@ -120,8 +119,10 @@ class _Domain:
 
 
 def _refuse_twins(observer: Observer, match: Match) -> None:
-    """Two nodes of one name break a graph in ways that are hard to see."""
-    observer.look(0.5)
+    """Two nodes of one name break a graph in ways that are hard to see. Only a domain of the user's can have them."""
+    if not os.environ.get("ROS_DOMAIN_ID"):
+        return
+    observer.look(_DISCOVERY_S)
     twins = sorted(set(observer.nodes()) & set(graph.node_names(match)))
     if twins:
         raise BadInput(
@@ -167,7 +168,8 @@ def _fail_on_exit(started: list[NodeProcess]) -> None:
         raise Failure(f"node '{process.name}' {how}; its output ({process.log_file}):\n{process.tail()}")
 
 
-def _tell(match: Match, run: Path, code: int) -> int:
+def _tell(match: Match, code: int) -> int:
+    run = match.out
     path = run / "summary.json"
     if not path.is_file():
         print(f"{PROGRAM}: no summary was written; see {run / 'log'}", file=sys.stderr)

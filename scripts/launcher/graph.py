@@ -6,7 +6,7 @@ import os
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 from ament_index_python.packages import get_package_prefix
@@ -19,29 +19,40 @@ LOCKSTEP_TIMEOUT_S = 10.0
 """How long a step may take in a supervised graph before the run ends, naming who is missing [s]."""
 
 
+class Mode(NamedTuple):
+    """How a match is run as a graph."""
+
+    processes: str
+    """many: a process for each node; one: one for all."""
+    realtime: float
+    """Speed relative to real time; 0: lockstep."""
+    record: bool
+
+
 def node_names(match: Match) -> list[str]:
     """Every node of the graph."""
     return ["simulator", *match.behaviors, "fusion"]
 
 
-def write_parameters(match: Match, run: Path, realtime: float) -> Path:
+def write_parameters(match: Match, mode: Mode) -> Path:
     """Writes the parameters of every node as a ROS parameter file."""
-    path = run / "log" / "parameters.yaml"
+    path = match.out / "log" / "parameters.yaml"
     nodes: dict[str, dict[str, Any]] = {
         "simulator": {
             **asdict(match.simulation),
             "seed": match.fusion.seed,
-            "realtime": float(realtime),
+            "realtime": float(mode.realtime),
             "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S,
         },
         "fusion": {
             **asdict(match.fusion),
-            "run_directory": str(run),
+            "run_directory": str(match.out),
+            "record": mode.record,
             "policy": str(match.policy or ""),
             "tree_files": [str(file) for file in match.behaviors.values()],
             "config_file": str(path),
             # Supervised and in lockstep nobody plays on without a behavior: the run ends, naming it.
-            "behavior_timeout_s": 0.1 if realtime > 0 else 0.0,
+            "behavior_timeout_s": 0.1 if mode.realtime > 0 else 0.0,
             "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S,
         },
     }
@@ -52,9 +63,15 @@ def write_parameters(match: Match, run: Path, realtime: float) -> Path:
     return path
 
 
-def start_many(match: Match, parameters: Path, environment: dict[str, str], log_directory: Path) -> list[NodeProcess]:
-    """Starts every node as a process of its own. The fusion node is the last."""
+def start_graph(match: Match, mode: Mode, parameters: Path, environment: dict[str, str]) -> list[NodeProcess]:
+    """Starts the processes of the graph, each with its output in the run's log/. The last one holds the fusion node."""
     ros = ["--ros-args", "--params-file", str(parameters)]
+    log = match.out / "log"
+    if mode.processes == "one":
+        command = [sys.executable, "-m", "launcher.one_process", *match.behaviors, *ros]
+        scripts = str(Path(__file__).resolve().parents[1])
+        path = os.pathsep.join([scripts, environment.get("PYTHONPATH", "")])
+        return [start("graph", command, {**environment, "PYTHONPATH": path}, log)]
     commands = {"simulator": [executable("fbql_sim", "simulator"), *ros]}
     for name in match.behaviors:
         own = executable("fbql_behaviors", name, required=False)
@@ -62,16 +79,7 @@ def start_many(match: Match, parameters: Path, environment: dict[str, str], log_
         if not own:
             commands[name] += ["-r", f"__node:={name}", "-p", f"name:={name}"]
     commands["fusion"] = [executable("fbql_fusion", "fusion"), *ros]
-    return [start(name, command, environment, log_directory) for name, command in commands.items()]
-
-
-def start_one(match: Match, parameters: Path, environment: dict[str, str], log_directory: Path) -> list[NodeProcess]:
-    """Starts every node in one process."""
-    command = [sys.executable, "-m", "launcher.one_process", *match.behaviors]
-    command += ["--ros-args", "--params-file", str(parameters)]
-    scripts = str(Path(__file__).resolve().parents[1])
-    path = os.pathsep.join([scripts, environment.get("PYTHONPATH", "")])
-    return [start("graph", command, {**environment, "PYTHONPATH": path}, log_directory)]
+    return [start(name, command, environment, log) for name, command in commands.items()]
 
 
 def executable(package: str, name: str, required: bool = True) -> str:

@@ -1,0 +1,12 @@
+"""Measure the lockstep graph's steps per second against the same nodes with no work in them."""
+
+import os
+import sys
+
+HERE = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120 - Python 2 gets as far as here
+sys.path[:0] = [os.path.join(HERE, os.pardir, "scripts"), HERE]  # noqa: PTH118
+
+from environment import enter
+
+if __name__ == "__main__":
+    enter("lockstep", package="measure")

@@ -1,0 +1,102 @@
+"""Steps per second of the lockstep graph against the same five nodes with no work in them, interleaved in one run.
+
+For each way of running (a process for each node, one process for all) every round measures, one after the other:
+our graph without recording, with recording, and the bare graph. Figures are medians over the rounds, ratios are
+ours / bare. `bare` passes rclpy's empty message objects, the ordinary way of a ROS node in Python; `bare_raw` passes
+bytes that nobody reads, the least that the middleware can do.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median
+
+import domain_coordinator
+
+ROOT = Path(__file__).resolve().parents[2]
+BARE = Path(__file__).with_name("bare_graph.py")
+ROLES = ("simulator", "ball_seeking", "wall_avoiding", "approaching", "fusion")
+_TIMEOUT_S = 300
+
+
+def main(argv: Sequence[str]) -> int:
+    """Runs the benchmark. Gives the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="lockstep.py", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--rounds", type=int, default=5, metavar="N", help="rounds to take medians over (5)")
+    parser.add_argument("--steps", type=int, default=8000, metavar="N", help="steps of each measurement, about (8000)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    arguments = parser.parse_args(list(argv))
+    figures: dict[str, dict[str, list[float]]] = {mode: {} for mode in ("many", "one")}
+    for number in range(arguments.rounds):
+        for mode, found in figures.items():
+            measured = {
+                "graph": _ours(mode, arguments.steps, record=False),
+                "graph_recording": _ours(mode, arguments.steps, record=True),
+                "bare": _bare(mode, arguments.steps, raw=False),
+                "bare_raw": _bare(mode, arguments.steps, raw=True),
+            }
+            for name, value in measured.items():
+                found.setdefault(name, []).append(value)
+            words = ", ".join(f"{name} {value:.0f}" for name, value in measured.items())
+            print(f"round {number + 1}/{arguments.rounds}, {mode}: {words} steps/s", file=sys.stderr, flush=True)
+    result = {mode: _summary(found) for mode, found in figures.items()}
+    if arguments.json:
+        print(json.dumps(result))
+        return 0
+    for mode, row in result.items():
+        print(
+            f"{mode:5}",
+            "  ".join(
+                f"{name} {value:.2f}" if "ratio" in name else f"{name} {value:.0f}" for name, value in row.items()
+            ),
+        )
+    return 0
+
+
+def _summary(found: dict[str, list[float]]) -> dict[str, float]:
+    row = {name: median(values) for name, values in found.items()}
+    row["ratio"] = row["graph"] / row["bare"]
+    row["ratio_recording"] = row["graph_recording"] / row["bare"]
+    row["ratio_recording_raw"] = row["graph_recording"] / row["bare_raw"]
+    return row
+
+
+def _ours(mode: str, steps: int, record: bool) -> float:
+    """The graph as a user starts it: Subsumption, whole episodes of a fixed seed, until about `steps` are played."""
+    with tempfile.TemporaryDirectory() as directory:
+        command = [sys.executable, str(ROOT / "scripts" / "bringup.py"), "--json", "--processes", mode, "--seed", "1"]
+        command += ["--episodes", str(max(1, steps // 800)), "--out", str(Path(directory) / "run")]
+        command += ["--record" if record else "--no-record"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT_S, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(f"{' '.join(command)} failed:\n{done.stderr}")
+    return float(json.loads(done.stdout)["steps_per_s"])
+
+
+def _bare(mode: str, steps: int, raw: bool) -> float:
+    ros = ["--ros-args", "-p", f"steps:={steps}", "-p", f"raw:={str(raw).lower()}"]
+    with domain_coordinator.domain_id() as domain:
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        groups = [[role] for role in ROLES] if mode == "many" else [list(ROLES)]
+        processes = [
+            subprocess.Popen(
+                [sys.executable, str(BARE), *roles, *ros], env=environment, stdout=subprocess.PIPE, text=True
+            )
+            for roles in groups
+        ]
+        try:
+            return float(json.loads(processes[0].communicate(timeout=_TIMEOUT_S)[0])["steps_per_s"])
+        finally:
+            for process in processes:
+                process.terminate()
+            for process in processes:
+                process.wait()
