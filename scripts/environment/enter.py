@@ -20,13 +20,13 @@ ROOT = Path(__file__).resolve().parents[2]
 ENTERED = "_FBQL_ENTERED"
 
 
-def enter(name: str, *, purpose: str = "run") -> None:
-    """Run `launcher.NAME.main(argv)` in the environment and exit with what it returns.
+def enter(name: str, *, purpose: str = "run", package: str = "launcher") -> None:
+    """Run `PACKAGE.NAME.main(argv)` in the environment and exit with what it returns.
 
     `purpose` is run or test; test adds the test tools. Does not return.
     """
     if os.environ.pop(ENTERED, None) == str(os.getpid()):
-        module = importlib.import_module(f"launcher.{name}")
+        module = importlib.import_module(f"{package}.{name}")
         sys.exit(module.main(sys.argv[1:]))
     target, environ = environment_or_exit(purpose)
     environ[ENTERED] = str(os.getpid())
