@@ -101,7 +101,7 @@ def normalised(weights: Sequence[float], floor: float) -> tuple[float, ...] | No
         Length n, sum 1, each at least floor / (1 + n floor) where the sum before was at most 1;
         None where the sum is zero or not finite, so that there is nothing to divide by.
     """
-    raised = [w if w > floor else floor for w in weights]
+    raised = [floor if w < floor else w for w in weights]
     total = sum(raised)
     if total == 0.0 or not isfinite(total):
         return None

@@ -14,6 +14,8 @@ JointState = tuple[int, ...]
 Row = tuple[tuple[float, ...], tuple[float, ...]]
 """(q, weights) of one joint state, each of length n."""
 
+_SUM_TOLERANCE = 1e-6
+
 
 class JointStateTable:
     """A sparse table: memory grows with the joint states that were learned about, never with the product of leaves.
@@ -54,7 +56,7 @@ class JointStateTable:
 
         Raises:
             BadInput: an array is missing, or of another shape or type, or has a value that is not finite,
-                a leaf_id below 0, or a joint state twice.
+                a leaf_id below 0, weights that do not sum to 1, or a joint state twice.
         """
         n = len(self.fresh[0])
         kinds = {"joint_states": np.int32, "q": np.float64, "weights": np.float64}
@@ -73,6 +75,8 @@ class JointStateTable:
                 raise BadInput(f"the policy's array '{name}' has a value that is not finite")
         if arrays["joint_states"].size and arrays["joint_states"].min() < 0:
             raise BadInput("the policy's array 'joint_states' has a leaf_id below 0")
+        if (np.abs(arrays["weights"].sum(axis=1) - 1.0) > _SUM_TOLERANCE).any():
+            raise BadInput("the policy's array 'weights' has weights that do not sum to 1")
         states: list[list[int]] = arrays["joint_states"].tolist()
         q: list[list[float]] = arrays["q"].tolist()
         weights: list[list[float]] = arrays["weights"].tolist()

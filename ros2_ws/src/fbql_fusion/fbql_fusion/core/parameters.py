@@ -37,7 +37,7 @@ class FusionParameters:
         "subsumption", "who fuses; fbql is fbql_literal until it has a learner of its own", choices=CONTROLLERS
     )
     preset: str = parameter("tuned", "Subsumption's thresholds, where not given one by one", choices=tuple(PRESETS))
-    behaviors: list[str] = parameter(  # noqa: RUF009 - makes a field with a factory
+    behaviors: list[str] = parameter(
         ["ball_seeking", "wall_avoiding", "approaching"], "names of the behaviors that are fused, in order"
     )
     seed: int = parameter(0, "seed of the run: every episode's seed is derived from it", low=0, high=2**63 - 1)
@@ -82,7 +82,7 @@ class FusionParameters:
         low=-1.0,
         high=3.2,
     )
-    layers: list[str] = parameter(  # noqa: RUF009 - makes a field with a factory
+    layers: list[str] = parameter(
         ["wall_avoiding", "approaching", "ball_seeking"],
         "Subsumption's layers from the highest priority to the lowest; the lowest needs no trigger",
     )

@@ -166,6 +166,8 @@ class Session:
         episode, step = world.episode, world.step
         if episode != self._episode or step <= self._step:
             raise ValueError(self._why_out_of_order(episode, step))
+        if len(outputs) != len(self._trees):
+            raise ValueError(f"{len(outputs)} outputs of {len(self._trees)} behaviors")
         joint_state, heard, complete = self._hear(outputs)
 
         reward = 0.0

@@ -1,0 +1,38 @@
+"""Fusion's parameters: their defaults are valid, and each wrong one is named."""
+
+import pytest
+from fbql_common.core.errors import BadInput
+from fbql_common.core.parameters import limits_of
+from fbql_fusion.core.parameters import FusionParameters, check_fusion
+
+
+def test_defaults_are_valid_and_every_parameter_is_described():
+    check_fusion(FusionParameters(), "here")
+    assert all(len(limits.description) > 5 for limits in limits_of(FusionParameters).values())
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"controller": "best"}, "'controller'"),
+        ({"preset": "lucky"}, "'preset'"),
+        ({"tie_rule": "last"}, "'tie_rule'"),
+        ({"learning_rate": 1.5}, "'learning_rate'"),
+        ({"discount": float("nan")}, "'discount'"),
+        ({"guided": -2}, "'guided'"),
+        ({"episodes": -1}, "'episodes'"),
+        ({"seed": -1}, "'seed'"),
+        ({"learn": 1}, "'learn'"),
+        ({"behaviors": []}, "'behaviors' is empty"),
+        ({"behaviors": ["ball_seeking", "ball_seeking"]}, "'ball_seeking' twice"),
+        ({"layers": ["ball_seeking", "ball_seeking"]}, "'ball_seeking' twice"),
+        ({"layers": ["dribbling"]}, "names none of the behaviors"),
+        ({"weight_floor": 0.4}, "'weight_floor'"),
+    ],
+)
+def test_a_wrong_parameter_is_refused_in_one_line_that_names_it(change, reason):
+    with pytest.raises(BadInput) as refusal:
+        check_fusion(FusionParameters(**change), "fusion.yaml")
+    assert reason in str(refusal.value)
+    assert str(refusal.value).startswith("fusion.yaml: ")
+    assert "\n" not in str(refusal.value)
