@@ -15,7 +15,7 @@ from fbql_common.core.errors import BadInput
 from fbql_fusion.bag_metadata import INFINITE_NS, Qos
 from fbql_fusion.message_definitions import schema_text, type_hash
 from fbql_fusion.recording import CHUNK_BYTES, Attachment, Channel, Recorder
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
@@ -235,6 +235,7 @@ def test_a_flipped_bit_is_found_wherever_messages_are(finished):
             in_file_order(path)
 
 
+@settings(deadline=None)
 @given(
     st.lists(
         st.tuples(st.integers(0, 2), st.binary(max_size=60), st.integers(0, 2**63 - 1), st.booleans()), max_size=40
