@@ -197,7 +197,7 @@ class FusionNode(GraphNode):
                 f"no answer from {', '.join(assembly.missing())} to episode {world.episode}, step {world.step} within {end_s:g} s"
             )
             self.finish(FAILED)
-        elif 0 < late_s < waited_s and (self._command.episode >= 0 or True in assembly.live):
+        elif 0 < late_s < waited_s and assembly.all_heard:
             dropped = assembly.drop_missing()
             if dropped:
                 self.get_logger().error(

@@ -24,14 +24,15 @@ class Arrival(Enum):
 class StepAssembly:
     """Collects the messages of the step that is decided next.
 
-    A behavior is live from its first answer on until `drop_missing`, and again from its next answer on.
+    A behavior is live, and so waited for, until `drop_missing` and again from its next answer on.
     """
 
     def __init__(self, behaviors: Sequence[str]) -> None:
         self._names = tuple(behaviors)
         self._outputs: list[BehaviorOutput | None] = [None] * len(self._names)
         self._data = [b""] * len(self._names)
-        self.live = [False] * len(self._names)
+        self.live = [True] * len(self._names)
+        self._heard = [False] * len(self._names)
         self.episode: int | None = None
         self.decided_step = -1
         self.world: World | None = None
@@ -57,7 +58,12 @@ class StepAssembly:
     def add_output(self, index: int, output: BehaviorOutput, data: bytes) -> None:
         """Takes a behavior's answer; whether it belongs to the step is seen when the step is complete."""
         self._outputs[index], self._data[index] = output, data
-        self.live[index] = True
+        self.live[index] = self._heard[index] = True
+
+    @property
+    def all_heard(self) -> bool:
+        """Whether every behavior has ever answered. Until then the graph is still coming up."""
+        return all(self._heard)
 
     def complete(self) -> bool:
         """Whether the world state and the answer of every live behavior are there."""
