@@ -1,5 +1,9 @@
 """Recordings of the real messages: what rosbags and the mcap package read is what was published, field by field."""
 
+import json
+import os
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -102,6 +106,42 @@ def test_recorded_type_hash_is_that_of_the_recorded_definition(run):
         assert {c.msgtype: c.digest for c in bag.connections} == {
             name: f"RIHS01_{store.hash_rihs01(name).removeprefix('RIHS01_')}" for name in TYPES
         }
+
+
+def plain(message: object) -> object:
+    """A message as JSON has it: integers of 64 bits as text."""
+    values: dict[str, object] = {}
+    for name, kind in message.get_fields_and_field_types().items():
+        value = getattr(message, name)
+        if hasattr(value, "get_fields_and_field_types"):
+            values[name] = plain(value)
+        elif kind.startswith("sequence"):
+            values[name] = list(value)
+        else:
+            values[name] = str(value) if kind == "int64" else value
+    return values
+
+
+def test_javascript_readers_read_every_field_with_crcs_checked(run):
+    """What Foxglove and Lichtblick read with. `npm install --no-package-lock` in the reader's directory enables it."""
+    place = Path(__file__).parents[1] / "system" / "read_with_node"
+    modules = Path(os.environ.get("FBQL_NODE_MODULES", place / "node_modules"))
+    node = shutil.which("node")
+    if node is None or not (modules / "@mcap" / "core").is_dir():
+        pytest.skip(f"no Node.js, or no modules in {modules}: npm install --no-package-lock --prefix {place}")
+    done = subprocess.run(
+        [node, place / "read.cjs", run / "run_0.mcap"],
+        env=os.environ | {"NODE_PATH": str(modules)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert (result["profile"], result["streamed"], result["indexed"]) == ("ros2", 200, 200)
+    for index, message in enumerate(messages()):
+        assert result["topics"][f"/t{index}"] == {"type": TYPES[index], "messages": 50, "last": plain(message)}
 
 
 def test_recorded_bytes_are_the_published_ones(run):
