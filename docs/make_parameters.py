@@ -1,0 +1,132 @@
+"""Writes docs/parameters.md from the declarations in the code. Run it in the project's environment:
+
+source scripts/env.sh
+python docs/make_parameters.py
+
+tests/nodes/test_docs_parameters.py fails while the page is not what this would write.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fbql_behaviors.behavior_node import BehaviorNodeParameters
+from fbql_behaviors.core.induction import InductionParameters
+from fbql_common.core.parameters import Limits, defaults_of, limits_of, types_of
+from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.node_parameters import FusionNodeParameters
+from fbql_sim.core.parameters import SimulationParameters
+from fbql_sim.simulator_node import SimulatorNodeParameters
+
+PAGE = Path(__file__).with_name("parameters.md")
+
+HEAD = """# Parameters
+
+This page is written by `docs/make_parameters.py` from the declarations in the code, and a test compares the two:
+change the declaration, not the page.
+
+Parameters are read once, before the first step, and cannot be changed while a node runs. A misspelt name, a value of
+another type and a value out of its range are each refused in one line, with exit code 2.
+
+- A node takes them as ROS parameters: `--ros-args -p NAME:=VALUE`, or `--ros-args --params-file FILE`. There a decimal
+  number needs its point: `0.0`, not `0`.
+- `scripts/bringup.py` and `scripts/train.py` have options for the common ones. Their `--set NAME=VALUE` reaches every
+  parameter of the two tables *The world* and *Fusion and learning*; lists are written with commas.
+- Every parameter that was in force stands in the `config.yaml` of a run directory.
+"""
+
+
+class Section(NamedTuple):
+    """One table of the page."""
+
+    title: str
+    text: str
+    declaration: type[Any]
+
+
+SECTIONS = (
+    Section("The simulator node", "Node `simulator`.", SimulatorNodeParameters),
+    Section("The world", "Node `simulator`: physics, start positions, disturbance, events.", SimulationParameters),
+    Section(
+        "The behavior nodes",
+        "Nodes `ball_seeking`, `wall_avoiding`, `approaching` and `behavior`.",
+        BehaviorNodeParameters,
+    ),
+    Section(
+        "The fusion node", "Node `fusion`: files, and what to do when something does not come.", FusionNodeParameters
+    ),
+    Section(
+        "Fusion and learning",
+        "Node `fusion`. [deviations.md](deviations.md) says which of these the paper leaves open.",
+        FusionParameters,
+    ),
+    Section(
+        "Induction of trees",
+        "No node has these: they say how a tree is made from demonstrations. The shipped trees differ from these "
+        "defaults where `fbql_behaviors.core.recipes.RECIPES` says so.",
+        InductionParameters,
+    ),
+)
+
+_KINDS = {bool: "true or false", int: "whole number", float: "decimal number", str: "text", list[str]: "list of texts"}
+
+
+def page() -> str:
+    """The whole page."""
+    return HEAD + "".join(map(_section, SECTIONS))
+
+
+def _section(section: Section) -> str:
+    names = limits_of(section.declaration)
+    kinds, defaults = types_of(section.declaration), defaults_of(section.declaration)
+    rows = [
+        f"| `{name}` | {_KINDS[kinds[name]]} | {_value(defaults[name])} | {_range(kinds[name], limits)} | {_cell(limits.description)} |\n"
+        for name, limits in names.items()
+    ]
+    head = "| name | type | default | may be | meaning |\n|---|---|---|---|---|\n"
+    return f"\n## {section.title}\n\n{section.text} Declared in `{_place(section)}`.\n\n{head}{''.join(rows)}"
+
+
+def _place(section: Section) -> str:
+    return f"{section.declaration.__module__}.{section.declaration.__qualname__}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, float):
+        return f"`{_decimal(value)}`"
+    if isinstance(value, list):
+        return ", ".join(f"`{item}`" for item in value) or "empty"
+    return f"`{value}`" if value != "" else "empty"
+
+
+def _range(kind: Any, limits: Limits) -> str:
+    if limits.choices is not None:
+        return ", ".join(f"`{choice}`" for choice in limits.choices)
+    written = _decimal if kind is float else _whole
+    unit = f" {limits.unit.replace('^2', '²')}" if limits.unit else ""
+    if limits.low is None:
+        return "" if limits.high is None else f"{written(limits.high)}{unit} or less"
+    if limits.high is None:
+        return f"{written(limits.low)}{unit} or more"
+    return f"{written(limits.low)} to {written(limits.high)}{unit}"
+
+
+def _decimal(value: float) -> str:
+    text = f"{value:.6g}".replace("e+0", "e").replace("e-0", "e-")
+    return text if "." in text or "e" in text else f"{text}.0"
+
+
+def _whole(value: float) -> str:
+    return "2^63 - 1" if value == 2**63 - 1 else f"{value:,}"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("<", "\\<")
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page())
+    print(f"wrote {PAGE}")
