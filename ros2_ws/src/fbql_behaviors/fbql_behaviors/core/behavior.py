@@ -1,0 +1,76 @@
+"""A behavior at work: an observation and a tree that answer every world state with a reference."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from fbql_common.core.errors import BadInput
+from fbql_common.core.types import BehaviorOutput, World
+
+from fbql_behaviors.core.observation import Observation, observation_of
+from fbql_behaviors.core.tree import Tree
+
+
+class Behavior:
+    """B_i: answers a world state with the reference of the leaf that its observation falls into.
+
+    An observation outside of the tree's root region is answered by the leaf at the region's edge and reported as
+    `clamped`; `clamped_count` counts them.
+    """
+
+    def __init__(self, name: str, tree: Tree, observation: Observation | None = None) -> None:
+        """`observation` is the registered one of the tree's behavior unless given.
+
+        Raises BadInput when tree and observation have different features.
+        """
+        self.name = name
+        self.tree = tree
+        self.clamped_count = 0
+        observation = observation or observation_of(tree.behavior)
+        check_features(tree, observation)
+        self._sense = observation.sense
+        self._answer = tree.answer
+        self._contains = tree.contains
+        self._leaf_count = tree.leaf_count
+        self._hash = tree.hash
+
+    def answer(self, world: World) -> BehaviorOutput:
+        """The reference for a world state. Raises BadInput when the observation is not finite."""
+        observation = self._sense(world)
+        clamped = not self._contains(observation)
+        if clamped:
+            self._count_clamped(observation)
+        leaf_id, left, right = self._answer(observation)
+        return BehaviorOutput(
+            world.stamp_ns,
+            world.episode,
+            world.step,
+            self.name,
+            left,
+            right,
+            leaf_id,
+            self._leaf_count,
+            self._hash,
+            clamped,
+            observation,
+        )
+
+    def _count_clamped(self, observation: tuple[float, ...]) -> None:
+        for feature, value in zip(self.tree.features, observation, strict=True):
+            if not isfinite(value):
+                raise BadInput(
+                    f"behavior '{self.name}': feature '{feature.name}' is {value}; the world state is not usable"
+                )
+        self.clamped_count += 1
+
+
+def check_features(tree: Tree, observation: Observation) -> None:
+    """Raises BadInput when a tree's features are not those of an observation, in order, with the same units."""
+    expected = [(feature.name, feature.unit) for feature in observation.features]
+    found = [(feature.name, feature.unit) for feature in tree.features]
+    if found != expected:
+        raise BadInput(f"features are {_worded(found)}; behavior '{tree.behavior}' senses {_worded(expected)}")
+
+
+def _worded(features: list[tuple[str, str]]) -> str:
+    return ", ".join(f"{name} [{unit}]" for name, unit in features)

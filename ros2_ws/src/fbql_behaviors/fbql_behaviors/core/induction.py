@@ -1,0 +1,244 @@
+"""RL-based decision tree induction (section II.A.1): learning, and exact dynamic programming over the same boxes.
+
+State: a box s(phi). Actions: no split, and a half-split along each feature. A split is offered when none of the paper's
+four stop criteria forbids it: the halves would be narrower than `min_range`; the box holds fewer than `min_patterns`; a half
+would be empty (judged per action); the entropy is at most `max_entropy`.
+
+Two objectives (docs/deviations.md): `printed` is eqs. 1-4 as printed. `weighted` counts a box's gain by its share of all
+patterns and adds the children's values instead of averaging them, so that with discount 1 the value of a tree is the entropy
+it removes minus its splits' cost. Both methods maximise the same values; `dp` does it exactly, `rl` by trials.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from math import floor, log2
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from fbql_common.core.parameters import check, parameter
+
+from fbql_behaviors.core.boxes import Boxes, edge, find_boxes
+from fbql_behaviors.core.equations import children_value, information_gain, q_update, q_update_printed, split_reward
+from fbql_behaviors.core.patterns import Patterns
+from fbql_behaviors.core.quantizer import levels_of_classes, rad_s_of
+from fbql_behaviors.core.tree import Leaf, Node, Split, Tree
+
+NO_SPLIT = -1
+UNIFORM_BLOCK = 4096
+
+
+@dataclass(frozen=True)
+class InductionParameters:
+    """The choices of an induction."""
+
+    method: str = parameter("rl", "how values are found: by trials, or exactly", choices=("rl", "dp"))
+    objective: str = parameter("weighted", "what a tree is worth", choices=("printed", "weighted"))
+    split_cost: float = parameter(-0.01, "r_split, the reward of splitting itself", unit="nat", low=-10.0, high=0.0)
+    discount: float = parameter(1.0, "gamma", low=0.0, high=1.0)
+    min_range: float = parameter(1 / 64, "smallest range of a region, as a share of the root's", low=1 / 4096, high=1.0)
+    min_patterns: int = parameter(2, "fewest patterns of a region that is split", low=2, high=1_000_000)
+    max_entropy: float = parameter(0.0, "entropy up to which a region counts as pure", unit="nat", low=0.0, high=10.0)
+    trials: int = parameter(50, "trials of the rl method", low=1, high=1_000_000)
+    learning_rate: float = parameter(1.0, "alpha of the rl method", low=0.001, high=1.0)
+    initial_q: float = parameter(0.01, "Q of an action not yet tried", unit="nat", low=-100.0, high=100.0)
+    epsilon_start: float = parameter(0.2, "share of random actions in the first trial", low=0.0, high=1.0)
+    epsilon_end: float = parameter(0.0, "share of random actions in the last trial", low=0.0, high=1.0)
+    update: str = parameter(
+        "converging", "eq. 4 with the term -Q, or as printed (diverges)", choices=("converging", "printed")
+    )
+
+
+class Option(NamedTuple):
+    """A half-split that a box offers: its feature, eq. 3's reward, and the boxes it makes."""
+
+    feature: int
+    reward: float
+    left: int
+    right: int
+
+
+class Values(NamedTuple):
+    """What a method found out: the best splits, as the feature per box (NO_SPLIT: a leaf), and the root's value."""
+
+    split: list[int]
+    value: float
+    curve: list[float]
+
+
+class Induced(NamedTuple):
+    """A tree, the value of its root, and the root's value after each trial (empty for dp)."""
+
+    tree: Tree
+    value: float
+    curve: list[float]
+
+
+def induce(behavior: str, patterns: Patterns, parameters: InductionParameters, seed: int) -> Induced:
+    """A tree from patterns. All chance of the rl method is from `seed`.
+
+    Leaves hold the mean wheel velocities of their patterns' classes [rad/s]. The tree's origin tells the parameters and the
+    patterns' SHA-256. Raises BadInput for parameters out of range.
+    """
+    check(parameters, "induction")
+    boxes = find_boxes(patterns, (_halvings(parameters.min_range),) * len(patterns.features))
+    if parameters.method == "dp":
+        found = plan(boxes, parameters)
+    else:
+        found = learn(boxes, parameters, np.random.default_rng(seed))
+    nodes, leaves = _grow(boxes, found.split, patterns)
+    origin = {**asdict(parameters), "seed": seed, "patterns": len(patterns), "patterns_sha256": patterns.sha256}
+    return Induced(Tree(behavior, patterns.features, nodes, leaves, origin), found.value, found.curve)
+
+
+def plan(boxes: Boxes, parameters: InductionParameters) -> Values:
+    """Exact dynamic programming: from the finest grid to the root, V = max(0, R + gamma * successors)."""
+    reward, offered = split_rewards(boxes, parameters)
+    share = _children_share(parameters)
+    value = np.zeros(len(boxes))
+    best = np.full(len(boxes), NO_SPLIT)
+    for begin, end in reversed(boxes.grids):
+        left, right = boxes.left[begin:end], boxes.right[begin:end]
+        target = reward[begin:end] + parameters.discount * children_value(value[left], value[right], share)
+        target = np.where(offered[begin:end], target, -np.inf)
+        feature = target.argmax(axis=1)
+        highest = target[np.arange(end - begin), feature]
+        best[begin:end] = np.where(highest > 0.0, feature, NO_SPLIT)
+        value[begin:end] = np.maximum(highest, 0.0)
+    return Values(best.tolist(), float(value[0]), [])
+
+
+def learn(boxes: Boxes, parameters: InductionParameters, rng: np.random.Generator) -> Values:
+    """Q-learning by trials: each grows a tree from the root by epsilon-greedy actions and updates Q by eq. 4.
+
+    A trial's updates run from its last visited box to the root, so that a box learns from its children's newest values.
+    The no-split action is terminal and earns 0: its Q is known and stays 0.
+    """
+    reward, offered = split_rewards(boxes, parameters)
+    options = _options(boxes, reward, offered)
+    q = [[parameters.initial_q] * len(available) for available in options]
+    best = [max(0.0, *values) if values else 0.0 for values in q]
+    update = q_update if parameters.update == "converging" else q_update_printed
+    share, discount, alpha = _children_share(parameters), parameters.discount, parameters.learning_rate
+    uniform = _uniforms(rng)
+    curve: list[float] = []
+    for trial in range(parameters.trials):
+        epsilon = _epsilon(parameters, trial)
+        visited: list[tuple[int, int]] = []
+        pending = [0]
+        while pending:
+            box = pending.pop()
+            available = options[box]
+            if not available:
+                continue
+            draw = next(uniform)
+            action = int(draw / epsilon * (len(available) + 1)) - 1 if draw < epsilon else _greedy(q[box])
+            if action == NO_SPLIT:
+                continue
+            visited.append((box, action))
+            option = available[action]
+            pending.append(option.right)
+            pending.append(option.left)
+        for box, action in reversed(visited):
+            _, gain, left, right = options[box][action]
+            values = q[box]
+            target = gain + discount * children_value(best[left], best[right], share)
+            values[action] = update(values[action], target, alpha)
+            best[box] = max(0.0, *values)
+        curve.append(best[0])
+    greedy = [_greedy(values) for values in q]
+    split = [options[box][action].feature if action != NO_SPLIT else NO_SPLIT for box, action in enumerate(greedy)]
+    return Values(split, best[0], curve)
+
+
+def split_rewards(
+    boxes: Boxes, parameters: InductionParameters
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+    """Eq. 3's reward of every half-split, and whether it is offered: both [b, d]; 0 where it is not."""
+    left, right = boxes.left, boxes.right
+    allowed = (boxes.count >= parameters.min_patterns) & (boxes.entropy > parameters.max_entropy)
+    offered = (left >= 0) & (right >= 0) & allowed[:, None]
+    count = boxes.count.astype(np.float64)
+    gain = information_gain(
+        boxes.entropy[:, None], boxes.entropy[left], boxes.entropy[right], count[left], count[right]
+    )
+    if parameters.objective == "weighted":
+        gain = gain * (count / count[0])[:, None]
+    reward = split_reward(parameters.split_cost, np.round(gain, 12))
+    return np.where(offered, reward, 0.0), offered
+
+
+def _children_share(parameters: InductionParameters) -> float:
+    return 0.5 if parameters.objective == "printed" else 1.0
+
+
+def _halvings(min_range: float) -> int:
+    return floor(log2(1.0 / min_range) + 1e-9)
+
+
+def _options(boxes: Boxes, reward: npt.NDArray[np.float64], offered: npt.NDArray[np.bool_]) -> list[list[Option]]:
+    options: list[list[Option]] = [[] for _ in range(len(boxes))]
+    rows, columns = np.nonzero(offered)
+    for box, feature, value, left, right in zip(
+        rows.tolist(),
+        columns.tolist(),
+        reward[rows, columns].tolist(),
+        boxes.left[rows, columns].tolist(),
+        boxes.right[rows, columns].tolist(),
+        strict=True,
+    ):
+        options[box].append(Option(feature, value, left, right))
+    return options
+
+
+def _uniforms(rng: np.random.Generator) -> Iterator[float]:
+    while True:
+        yield from rng.random(UNIFORM_BLOCK).tolist()
+
+
+def _epsilon(parameters: InductionParameters, trial: int) -> float:
+    """The share of random actions, falling linearly over the trials."""
+    progress = trial / max(parameters.trials - 1, 1)
+    return parameters.epsilon_start + (parameters.epsilon_end - parameters.epsilon_start) * progress
+
+
+def _greedy(values: list[float]) -> int:
+    """The best action by Q; NO_SPLIT, whose Q is 0, unless a split is worth more. Ties: the first feature."""
+    highest = max(values, default=0.0)
+    return values.index(highest) if highest > 0.0 else NO_SPLIT
+
+
+def _grow(boxes: Boxes, split: list[int], patterns: Patterns) -> tuple[tuple[Node, ...], tuple[Leaf, ...]]:
+    """The tree that follows the best splits from the root, depth first; leaves take the mean of their patterns."""
+    levels = levels_of_classes(patterns.wheel_class)
+    nodes: list[Node] = []
+    leaves: list[Leaf] = []
+
+    def grow(box: int, rows: npt.NDArray[np.int64]) -> int:
+        place = len(nodes)
+        column = split[box]
+        if column == NO_SPLIT:
+            nodes.append(len(leaves))
+            leaves.append(_leaf(levels[rows]))
+            return place
+        feature = patterns.features[column]
+        halves = 2 << int(boxes.levels[box, column])
+        middle = (2 * int(boxes.index[box, column]) + 1) / halves
+        threshold = edge(feature.low, feature.high, middle)
+        goes_left = patterns.x[rows, column] < threshold
+        nodes.append(0)  # its place comes before its children's
+        left = grow(int(boxes.left[box, column]), rows[goes_left])
+        right = grow(int(boxes.right[box, column]), rows[~goes_left])
+        nodes[place] = Split(column, threshold, left, right)
+        return place
+
+    grow(0, np.arange(len(patterns)))
+    return tuple(nodes), tuple(leaves)
+
+
+def _leaf(levels: npt.NDArray[np.int64]) -> Leaf:
+    """The mean of the quantized wheel velocities [n, 2] of a leaf's patterns; whole sums, so the same everywhere."""
+    left, right = levels.sum(axis=0).tolist()
+    return Leaf(rad_s_of(left / len(levels)), rad_s_of(right / len(levels)), len(levels))

@@ -1,0 +1,118 @@
+"""Scripted instructors: laws that drive well, and a hand that drives like a person.
+
+A law maps what a behavior senses to wheel velocities [rad/s]. A `Hand` follows it as a person would: with a reaction lag,
+with an imprecision of its own in each demonstration, and with smooth noise. It is causal: a command depends on the
+observations so far and on the generator it was given.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import cos, pi, sqrt
+
+import numpy as np
+from fbql_common.core.errors import BadInput
+from fbql_common.core.field import MAX_WHEEL_RAD_S
+
+from fbql_behaviors.core.quantizer import LEVEL_RAD_S
+
+Law = Callable[[Sequence[float]], tuple[float, float]]
+
+
+NEAR_WALL_M = 0.2
+"""Distance from which on the instructor minds a wall [m]."""
+HEAD_ON_RAD = 1.3
+"""Bearing of a wall up to which the instructor backs out [rad]."""
+
+
+def seek_ball(observation: Sequence[float]) -> tuple[float, float]:
+    """Turns to the ball and drives at it, the faster the better it is ahead."""
+    _, bearing = observation
+    return _steer(bearing, forward_rad_s=65.0)
+
+
+def avoid_wall(observation: Sequence[float]) -> tuple[float, float]:
+    """Backs out from a wall ahead while turning away, steers off a wall beside, drives off from a wall behind."""
+    distance, bearing = observation
+    if distance > NEAR_WALL_M:
+        return 50.0, 50.0
+    side = 1.0 if bearing >= 0.0 else -1.0
+    if abs(bearing) < HEAD_ON_RAD:
+        forward, turn = -30.0, -25.0 * side
+    elif abs(bearing) < pi / 2:
+        forward, turn = 25.0, -30.0 * side
+    else:
+        forward, turn = 55.0, 0.0
+    return forward - turn, forward + turn
+
+
+def approach(observation: Sequence[float]) -> tuple[float, float]:
+    """Steers along the detour round the ball, and speeds up when the push will go at the goal (psi near 0)."""
+    error, psi = observation
+    return _steer(error, forward_rad_s=50.0 + 20.0 * max(0.0, 1.0 - abs(psi) / 0.8))
+
+
+def _steer(error_rad: float, forward_rad_s: float) -> tuple[float, float]:
+    turn = 18.0 * min(max(error_rad, -1.0), 1.0)
+    forward = forward_rad_s * max(cos(error_rad), 0.0)
+    return forward - turn, forward + turn
+
+
+@dataclass(frozen=True)
+class Habits:
+    """How a person drives."""
+
+    lag_steps: int = 2
+    """Reaction lag [steps]."""
+    imprecision: float = 0.08
+    """Standard deviation of the wheels' gains from one demonstration to the next [1]."""
+    noise_rad_s: float = 0.5 * LEVEL_RAD_S
+    """Standard deviation of the noise on each wheel [rad/s]."""
+    smoothness: float = 0.9
+    """Share of the noise that lasts until the next step [1]."""
+
+
+INSTRUCTORS: dict[str, Law] = {"ball_seeking": seek_ball, "wall_avoiding": avoid_wall, "approaching": approach}
+"""Behavior name -> the law of its scripted instructor."""
+
+
+def instructor_of(behavior: str) -> Law:
+    """The law of a behavior's scripted instructor. Raises BadInput, naming the known ones, when there is none."""
+    try:
+        return INSTRUCTORS[behavior]
+    except KeyError:
+        raise BadInput(
+            f"behavior '{behavior}' has no scripted instructor; there is one for: {', '.join(sorted(INSTRUCTORS))}"
+        ) from None
+
+
+class Hand:
+    """One demonstration's driver."""
+
+    def __init__(self, law: Law, habits: Habits, rng: np.random.Generator) -> None:
+        self._law = law
+        self._habits = habits
+        self._rng = rng
+        self._seen: deque[Sequence[float]] = deque(maxlen=habits.lag_steps + 1)
+        self._gain_left, self._gain_right = (1.0 + habits.imprecision * rng.standard_normal(2)).tolist()
+        self._noise_left, self._noise_right = (habits.noise_rad_s * rng.standard_normal(2)).tolist()
+
+    def command(self, observation: Sequence[float]) -> tuple[float, float]:
+        """Wheel velocities [rad/s] for the present observation; the law answers the one `lag_steps` ago, or the first."""
+        self._seen.append(observation)
+        left, right = self._law(self._seen[0])
+        habits = self._habits
+        fresh = habits.noise_rad_s * sqrt(1.0 - habits.smoothness**2)
+        draw_left, draw_right = self._rng.standard_normal(2).tolist()
+        self._noise_left = habits.smoothness * self._noise_left + fresh * draw_left
+        self._noise_right = habits.smoothness * self._noise_right + fresh * draw_right
+        return (
+            _within_full(left * self._gain_left + self._noise_left),
+            _within_full(right * self._gain_right + self._noise_right),
+        )
+
+
+def _within_full(wheel_rad_s: float) -> float:
+    return min(max(wheel_rad_s, -MAX_WHEEL_RAD_S), MAX_WHEEL_RAD_S)

@@ -1,0 +1,115 @@
+"""What each behavior senses: pure functions from a world state to a few numbers.
+
+An `Observation` declares its features (name, unit, root region) beside the function, because the patterns, the tree and
+the tree file all depend on them. Angles are in [-pi, pi), so that the root region [low, high) holds every one of them.
+A new behavior registers its own with `register`; nothing else in the package changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import asin, atan2, hypot, pi, remainder, tau
+from typing import NamedTuple
+
+from fbql_common.core.errors import BadInput
+from fbql_common.core.field import FIELD
+from fbql_common.core.types import World
+
+Sense = Callable[[World], tuple[float, ...]]
+
+
+class Feature(NamedTuple):
+    """One number that a behavior senses, and its root range [low, high) in its unit."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The features of a behavior and the function that senses them, in the same order."""
+
+    features: tuple[Feature, ...]
+    sense: Sense
+
+
+DISTANCE_M = 3.2
+"""Root range of the ball's distance [m]: above the field's diagonal, and its halves 1.6, 0.8, ... 0.05 suit the task."""
+WALL_DISTANCE_M = 0.96
+"""Root range of the wall's distance [m]: above half the field's width; halves 0.48, 0.24, 0.12, 0.06."""
+DETOUR_RADIUS_M = 0.09
+"""Radius of the detour round the ball [m]."""
+DETOUR_GAIN = 2.5
+"""How far the detour leads away from the ball for a small psi [1]; above 1, or psi never shrinks."""
+
+
+def ball_seeking(world: World) -> tuple[float, float]:
+    """Distance [m] and bearing [rad] of the ball (Fig. 6)."""
+    dx, dy = world.ball_x_m - world.robot_x_m, world.ball_y_m - world.robot_y_m
+    bearing = remainder(atan2(dy, dx) - world.robot_yaw_rad, tau)
+    return hypot(dx, dy), bearing if bearing < pi else -pi
+
+
+def wall_avoiding(world: World) -> tuple[float, float]:
+    """Distance [m] and bearing [rad] of the closest point of the walls (Fig. 7)."""
+    dx, dy = world.wall_x_m - world.robot_x_m, world.wall_y_m - world.robot_y_m
+    bearing = remainder(atan2(dy, dx) - world.robot_yaw_rad, tau)
+    return hypot(dx, dy), bearing if bearing < pi else -pi
+
+
+def approaching(world: World) -> tuple[float, float]:
+    """Heading error towards the detour round the ball, and psi, the approach direction of Fig. 8 [rad].
+
+    psi is the angle from the line robot -> ball to the line ball -> goal; 0 means that driving at the ball pushes it at
+    the goal. While psi is not 0 the robot has to come round behind the ball: the detour leads off the line to the ball by
+    `DETOUR_GAIN * psi`, but no farther than the tangent to a circle round the ball (inside of the circle: beyond the
+    tangent, so that the robot gets out of it). The heading error is the bearing of that direction.
+    """
+    dx, dy = world.ball_x_m - world.robot_x_m, world.ball_y_m - world.robot_y_m
+    to_ball = atan2(dy, dx)
+    to_goal = atan2(-world.ball_y_m, FIELD.half_length_m - world.ball_x_m)
+    psi = remainder(to_goal - to_ball, tau)
+    if psi >= pi:
+        psi = -pi
+    nearness = DETOUR_RADIUS_M / (hypot(dx, dy) + 1e-9)
+    tangent = asin(nearness) if nearness < 1.0 else pi / 2 * min(nearness, 1.5)
+    detour = DETOUR_GAIN * psi
+    if detour > tangent:
+        detour = tangent
+    elif detour < -tangent:
+        detour = -tangent
+    error = remainder(to_ball - detour - world.robot_yaw_rad, tau)
+    return error if error < pi else -pi, psi
+
+
+_BEARING = (-pi, pi)
+
+OBSERVATIONS: dict[str, Observation] = {
+    "ball_seeking": Observation(
+        (Feature("ball_distance", "m", 0.0, DISTANCE_M), Feature("ball_bearing", "rad", *_BEARING)), ball_seeking
+    ),
+    "wall_avoiding": Observation(
+        (Feature("wall_distance", "m", 0.0, WALL_DISTANCE_M), Feature("wall_bearing", "rad", *_BEARING)), wall_avoiding
+    ),
+    "approaching": Observation(
+        (Feature("detour_heading_error", "rad", *_BEARING), Feature("approach_angle", "rad", *_BEARING)), approaching
+    ),
+}
+"""Behavior name -> what it senses."""
+
+
+def register(behavior: str, observation: Observation) -> None:
+    """Makes a new behavior known. Raises BadInput when the name is taken by another observation."""
+    if OBSERVATIONS.setdefault(behavior, observation) != observation:
+        raise BadInput(f"behavior '{behavior}' already has an observation; choose another name")
+
+
+def observation_of(behavior: str) -> Observation:
+    """The observation of a behavior. Raises BadInput, naming the known ones, when there is none."""
+    try:
+        return OBSERVATIONS[behavior]
+    except KeyError:
+        raise BadInput(f"unknown behavior '{behavior}'; known are: {', '.join(sorted(OBSERVATIONS))}") from None

@@ -1,0 +1,125 @@
+"""Demonstrations and patterns: validated, frozen data (section II.A).
+
+A demonstration is a recording of world states and the commands given in them. A pattern is one moment of it as a
+behavior sees it: attributes (the observation) and a class (the quantized wheel pair).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from fbql_common.core.errors import BadInput
+from fbql_common.core.types import WheelCommand, World
+
+from fbql_behaviors.core.observation import Feature, Observation
+from fbql_behaviors.core.quantizer import CLASS_COUNT, wheel_class_of
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """One recording: the world states in order, and the command given in each of them."""
+
+    worlds: tuple[World, ...]
+    commands: tuple[WheelCommand, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.worlds) != len(self.commands):
+            raise BadInput(f"demonstration has {len(self.worlds)} world states but {len(self.commands)} commands")
+
+
+@dataclass(frozen=True)
+class Patterns:
+    """Attributes and classes, ready for induction.
+
+    features: d features, in the order of the columns.
+    x: attributes, float64 [n, d], finite; units are those of the features.
+    wheel_class: int64 [n], each 0 .. 840.
+    demonstration: int64 [n], which demonstration a pattern is from; what is held out is held out by demonstration.
+    """
+
+    features: tuple[Feature, ...]
+    x: npt.NDArray[np.float64]
+    wheel_class: npt.NDArray[np.int64]
+    demonstration: npt.NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        n = len(self.x)
+        if n == 0:
+            raise BadInput("no patterns: there is nothing to learn a tree from; record demonstrations first")
+        if self.x.shape != (n, len(self.features)):
+            raise BadInput(f"patterns have shape {self.x.shape}; expected [n, {len(self.features)}] for these features")
+        if self.wheel_class.shape != (n,) or self.demonstration.shape != (n,):
+            raise BadInput(f"{n} patterns need as many classes and demonstration numbers")
+        bad = np.argwhere(~np.isfinite(self.x))
+        if len(bad):
+            row, column = int(bad[0, 0]), int(bad[0, 1])
+            name = self.features[column].name
+            raise BadInput(f"pattern row {row}: feature '{name}' is {self.x[row, column]}; remove or mend the row")
+        bad = np.flatnonzero((self.wheel_class < 0) | (self.wheel_class >= CLASS_COUNT))
+        if len(bad):
+            row = bad[0]
+            raise BadInput(
+                f"pattern row {row}: wheel class {self.wheel_class[row]} is outside of 0 .. {CLASS_COUNT - 1}"
+            )
+        for array in (self.x, self.wheel_class, self.demonstration):
+            array.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 over the features' names and units, the attributes and the classes (little-endian)."""
+        digest = hashlib.sha256()
+        for feature in self.features:
+            digest.update(f"{feature.name} {feature.unit}\n".encode())
+        digest.update(np.ascontiguousarray(self.x, dtype="<f8").tobytes())
+        digest.update(np.ascontiguousarray(self.wheel_class, dtype="<i8").tobytes())
+        return digest.hexdigest()
+
+    def select(self, rows: npt.NDArray[np.bool_]) -> Patterns:
+        """The patterns whose row is true in `rows` [n]."""
+        return Patterns(self.features, self.x[rows], self.wheel_class[rows], self.demonstration[rows])
+
+
+def patterns_from_rows(
+    features: tuple[Feature, ...],
+    rows: Sequence[Sequence[object]],
+    wheel_class: Sequence[int],
+    demonstration: Sequence[int] | None = None,
+) -> Patterns:
+    """Patterns from plain rows of attributes, each checked. Raises BadInput naming the first bad row."""
+    for index, row in enumerate(rows):
+        if len(row) != len(features):
+            raise BadInput(f"pattern row {index}: {len(row)} attributes; expected {len(features)}")
+        for feature, value in zip(features, row, strict=True):
+            if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+                raise BadInput(f"pattern row {index}: feature '{feature.name}' is {value!r}, which is not a number")
+    if len(rows) != len(wheel_class):
+        raise BadInput(f"{len(rows)} rows of attributes but {len(wheel_class)} wheel classes")
+    x = np.array(rows, dtype=np.float64).reshape(len(rows), len(features))
+    numbers = np.zeros(len(rows), np.int64) if demonstration is None else np.array(demonstration, np.int64)
+    return Patterns(features, x, np.array(wheel_class, np.int64), numbers)
+
+
+def patterns_of(
+    demonstrations: Sequence[Demonstration], observation: Observation, every: int = 1, count: int | None = None
+) -> Patterns:
+    """The patterns of demonstrations: every `every`-th moment of each, at most `count` of all of them (evenly taken)."""
+    rows: list[tuple[float, ...]] = []
+    classes: list[int] = []
+    numbers: list[int] = []
+    for number, demonstration in enumerate(demonstrations):
+        for world, command in zip(demonstration.worlds[::every], demonstration.commands[::every], strict=True):
+            rows.append(observation.sense(world))
+            classes.append(wheel_class_of(command.left_rad_s, command.right_rad_s))
+            numbers.append(number)
+    if count is not None and len(rows) > count:
+        # whole numbers only: the same rows on every machine
+        kept = [index * len(rows) // count for index in range(count)]
+        rows, classes, numbers = [rows[k] for k in kept], [classes[k] for k in kept], [numbers[k] for k in kept]
+    return patterns_from_rows(observation.features, rows, classes, numbers)

@@ -1,0 +1,236 @@
+"""A decision tree: splits of a root region into leaves, each leaf with the wheel velocities of its behavior.
+
+Regions are half-open boxes: a point on a split belongs to the right child. A `Tree` is data: it is checked when it is
+made, never changes, and knows nothing of how it was induced beyond the `origin` that its file tells.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite, nextafter
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from fbql_common.core.errors import BadInput
+from fbql_common.core.field import MAX_WHEEL_RAD_S
+
+from fbql_behaviors.core.observation import Feature
+
+MAX_NODES = 1_000_000
+
+
+class Split(NamedTuple):
+    """An inner node: observations with observation[feature] < threshold go to node `left`, the others to `right`."""
+
+    feature: int
+    threshold: float
+    left: int
+    right: int
+
+
+class Leaf(NamedTuple):
+    """The reference of a leaf, and how many patterns it was made from."""
+
+    left_rad_s: float
+    right_rad_s: float
+    patterns: int
+
+
+Node = Split | int
+"""A split, or the leaf_id of a leaf."""
+
+Region = tuple[tuple[float, float], ...]
+"""A half-open box: (low, high) of each feature."""
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A behavior's tree.
+
+    behavior: name of the behavior.
+    features: what the observation holds, in order, with the root region.
+    nodes: node 0 is the root; every other node is the child of exactly one split.
+    leaves: indexed by leaf_id, dense from 0; every leaf_id stands in exactly one node.
+    origin: how the tree was made (method, parameters, SHA-256 of the training data ...); JSON values only.
+
+    Raises BadInput when any of this does not hold.
+    """
+
+    behavior: str
+    features: tuple[Feature, ...]
+    nodes: tuple[Node, ...]
+    leaves: tuple[Leaf, ...]
+    origin: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    hash: str = field(init=False)
+    """SHA-256 of the tree's whole content, 64 hexadecimal digits: the same in the file and in every process."""
+    _root: tuple[Any, Any, Any, Any] = field(init=False, repr=False, compare=False)
+    _bounds: Region = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        _check_features(self.features)
+        _check_leaves(self.leaves)
+        order = _check_nodes(self)
+        object.__setattr__(self, "_root", _nested(self, order))
+        object.__setattr__(self, "_bounds", tuple((feature.low, feature.high) for feature in self.features))
+        object.__setattr__(self, "hash", hashlib.sha256(canonical(self.content()).encode()).hexdigest())
+
+    @property
+    def leaf_count(self) -> int:
+        return len(self.leaves)
+
+    def answer(self, observation: Sequence[float]) -> tuple[int, float, float]:
+        """leaf_id, left and right reference [rad/s] of an observation [d]. Outside of the root region: its edge's leaf."""
+        feature, threshold, left, right = self._root
+        while feature >= 0:
+            feature, threshold, left, right = left if observation[feature] < threshold else right
+        return threshold, left, right
+
+    def contains(self, observation: Sequence[float]) -> bool:
+        """Whether an observation [d] is inside of the root region. NaN is nowhere inside."""
+        for value, (low, high) in zip(observation, self._bounds, strict=True):  # noqa: SIM110 - all() takes twice as long
+            if not low <= value < high:
+                return False
+        return True
+
+    def clamp(self, observation: Sequence[float]) -> tuple[float, ...]:
+        """The observation moved into the root region: below `low` to `low`, from `high` on to the last float below it."""
+        return tuple(
+            min(max(value, feature.low), nextafter(feature.high, feature.low))
+            for value, feature in zip(observation, self.features, strict=True)
+        )
+
+    def leaf_ids(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+        """The leaf_id of many observations: [n, d] -> [n]."""
+        found = np.empty(len(x), np.int64)
+        pending = [(0, np.arange(len(x)))]
+        while pending:
+            index, rows = pending.pop()
+            node = self.nodes[index]
+            if isinstance(node, Split):
+                goes_left = x[rows, node.feature] < node.threshold
+                pending += [(node.left, rows[goes_left]), (node.right, rows[~goes_left])]
+            else:
+                found[rows] = node
+        return found
+
+    def references(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The references [rad/s] of many observations: [n, d] -> [n, 2], columns left and right."""
+        table = np.array([leaf[:2] for leaf in self.leaves])
+        return table[self.leaf_ids(x)]
+
+    def regions(self) -> tuple[Region, ...]:
+        """The region of every leaf, indexed by leaf_id; together they tile the root region."""
+        found: list[Region] = [()] * len(self.leaves)
+        pending: list[tuple[int, Region]] = [(0, tuple((f.low, f.high) for f in self.features))]
+        while pending:
+            index, region = pending.pop()
+            node = self.nodes[index]
+            if isinstance(node, Split):
+                left, right = split_region(region, node.feature, node.threshold)
+                pending += [(node.left, left), (node.right, right)]
+            else:
+                found[node] = region
+        return tuple(found)
+
+    def content(self) -> dict[str, Any]:
+        """Everything that makes this tree, as JSON values; the hash is over it."""
+        return {
+            "behavior": self.behavior,
+            "features": [feature._asdict() for feature in self.features],
+            "nodes": [list(node) if isinstance(node, Split) else node for node in self.nodes],
+            "leaves": [leaf._asdict() for leaf in self.leaves],
+            "origin": dict(self.origin),
+        }
+
+
+def split_region(region: Region, feature: int, threshold: float) -> tuple[Region, Region]:
+    """The two half-open regions that a split makes; the threshold itself is in the right one."""
+    low, high = region[feature]
+    before, after = region[:feature], region[feature + 1 :]
+    return (*before, (low, threshold), *after), (*before, (threshold, high), *after)
+
+
+def canonical(content: Any) -> str:
+    """The one way to write JSON values down: sorted keys, no spaces, shortest floats that read back the same."""
+    return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _check_features(features: tuple[Feature, ...]) -> None:
+    if not features:
+        raise BadInput("a tree needs at least one feature")
+    for feature in features:
+        if not (isfinite(feature.low) and isfinite(feature.high) and feature.low < feature.high):
+            raise BadInput(
+                f"feature '{feature.name}': low {feature.low} must be below high {feature.high}, both finite"
+            )
+
+
+def _check_leaves(leaves: tuple[Leaf, ...]) -> None:
+    if not leaves:
+        raise BadInput("a tree needs at least one leaf")
+    for leaf_id, leaf in enumerate(leaves):
+        for name, value in zip(("left", "right"), leaf[:2], strict=True):
+            if not abs(value) <= MAX_WHEEL_RAD_S:
+                raise BadInput(f"leaf {leaf_id}: {name}_rad_s is {value}, outside of +-{MAX_WHEEL_RAD_S:g} rad/s")
+        if leaf.patterns < 0:
+            raise BadInput(f"leaf {leaf_id}: patterns is {leaf.patterns}, below 0")
+
+
+def _check_nodes(tree: Tree) -> list[int]:
+    """Walks the tree from its root. Returns the nodes visited, parents before children."""
+    if len(tree.nodes) > MAX_NODES:
+        raise BadInput(f"{len(tree.nodes)} nodes; at most {MAX_NODES} are supported")
+    if not tree.nodes:
+        raise BadInput("a tree needs at least one node")
+    visited = [False] * len(tree.nodes)
+    leaf_seen = [False] * len(tree.leaves)
+    order: list[int] = []
+    pending: list[tuple[int, Region]] = [(0, tuple((f.low, f.high) for f in tree.features))]
+    while pending:
+        index, region = pending.pop()
+        if not 0 <= index < len(tree.nodes):
+            raise BadInput(f"child index {index} is outside of 0 .. {len(tree.nodes) - 1}")
+        if visited[index]:
+            raise BadInput(f"node {index} is reached twice: a cycle, or two parents")
+        visited[index] = True
+        order.append(index)
+        node = tree.nodes[index]
+        if isinstance(node, Split):
+            if not 0 <= node.feature < len(tree.features):
+                raise BadInput(f"node {index}: feature {node.feature} is outside of 0 .. {len(tree.features) - 1}")
+            low, high = region[node.feature]
+            if not low < node.threshold < high:
+                raise BadInput(f"node {index}: threshold {node.threshold} is not inside of its region ({low}, {high})")
+            left, right = split_region(region, node.feature, node.threshold)
+            pending += [(node.right, right), (node.left, left)]
+        else:
+            if not 0 <= node < len(tree.leaves):
+                raise BadInput(f"node {index}: leaf_id {node} is outside of 0 .. {len(tree.leaves) - 1}")
+            if leaf_seen[node]:
+                raise BadInput(f"node {index}: leaf_id {node} stands in two nodes")
+            leaf_seen[node] = True
+    if len(order) < len(tree.nodes):
+        raise BadInput(f"node {visited.index(False)} is not reached from the root")
+    if not all(leaf_seen):
+        raise BadInput(f"leaf_id {leaf_seen.index(False)} stands in no node")
+    return order
+
+
+def _nested(tree: Tree, order: list[int]) -> Any:
+    """The tree as nested tuples, which plain Python walks fastest.
+
+    A split is (feature, threshold, left tuple, right tuple), a leaf (-1, leaf_id, left_rad_s, right_rad_s).
+    """
+    made: list[Any] = [None] * len(tree.nodes)
+    for index in reversed(order):
+        node = tree.nodes[index]
+        if isinstance(node, Split):
+            made[index] = (node.feature, node.threshold, made[node.left], made[node.right])
+        else:
+            leaf = tree.leaves[node]
+            made[index] = (-1, node, leaf.left_rad_s, leaf.right_rad_s)
+    return made[0]

@@ -1,0 +1,166 @@
+"""Tree files: versioned JSON, validated before anything in it is believed, written whole or not at all.
+
+    {"format": "fbql_tree", "version": 1, "sha256": ...,
+     "behavior": "ball_seeking",
+     "features": [{"name": "ball_distance", "unit": "m", "low": 0.0, "high": 3.2}, ...],
+     "nodes": [[0, 1.6, 1, 4], 0, ...],      a split [feature, threshold, left node, right node], or a leaf_id
+     "leaves": [{"left_rad_s": 12.5, "right_rad_s": 50.0, "patterns": 8}, ...],
+     "origin": {"method": "rl", ...}}        how it was made, with the SHA-256 of the training patterns
+
+Node 0 is the root. `sha256` is over everything but format, version and itself, in canonical form (`Tree.hash`).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from math import isfinite
+from pathlib import Path
+from typing import Any, NoReturn
+
+from fbql_common.core.errors import BadInput
+
+from fbql_behaviors.core.behavior import check_features
+from fbql_behaviors.core.observation import OBSERVATIONS, Feature
+from fbql_behaviors.core.tree import Leaf, Node, Split, Tree, canonical
+
+FORMAT = "fbql_tree"
+SUPPORTED_VERSIONS = (1,)
+MAX_BYTES = 8 * 2**20
+"""Largest tree file that is read."""
+
+
+def load_tree(path: Path) -> Tree:
+    """The tree in a file. Raises BadInput, with file and reason in one line, for anything but a valid tree."""
+    try:
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            if size > MAX_BYTES:
+                raise BadInput(f"{size} bytes; a tree file has at most {MAX_BYTES}")
+            data = file.read(MAX_BYTES + 1)  # a pipe has no size
+        return tree_from_bytes(data)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror})") from None
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from None
+
+
+def save_tree(path: Path, tree: Tree) -> None:
+    """Writes a tree, whole or not at all; a file that was there stays until then. Raises OSError."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("xb") as file:
+            file.write(tree_to_bytes(tree))
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def tree_to_bytes(tree: Tree) -> bytes:
+    """The file of a tree: a node and a leaf a line, so that a person can read and compare it."""
+    parts = [f'"format": "{FORMAT}"', f'"version": {SUPPORTED_VERSIONS[-1]}', f'"sha256": "{tree.hash}"']
+    for key, value in tree.content().items():
+        if isinstance(value, list):
+            lines = ",\n".join(f"  {canonical(item)}" for item in value)  # pyright: ignore[reportUnknownVariableType]
+            parts.append(f'"{key}": [\n{lines}\n ]')
+        else:
+            parts.append(f'"{key}": {canonical(value)}')
+    return ("{\n " + ",\n ".join(parts) + "\n}\n").encode()
+
+
+def tree_from_bytes(data: bytes) -> Tree:
+    """The tree in a file's bytes. Raises BadInput with the reason."""
+    if not data:
+        raise BadInput("the file is empty")
+    if len(data) > MAX_BYTES:
+        raise BadInput(f"more than {MAX_BYTES} bytes; a tree file is smaller")
+    try:
+        found = json.loads(data, parse_constant=_not_a_number, parse_float=_finite)
+    except UnicodeDecodeError:
+        raise BadInput("not a tree file: it is no text") from None
+    except json.JSONDecodeError as error:
+        raise BadInput(f"not JSON, or truncated: {error.msg} in line {error.lineno}") from None
+    except RecursionError:
+        raise BadInput("not a tree file: it is nested too deeply") from None
+    if not isinstance(found, dict) or found.get("format") != FORMAT:  # pyright: ignore[reportUnknownMemberType]
+        raise BadInput(f'not a tree file: it lacks "format": "{FORMAT}"')
+    content: dict[str, Any] = found  # pyright: ignore[reportUnknownVariableType]
+    version = content.get("version")
+    if type(version) is not int or version not in SUPPORTED_VERSIONS:
+        supported = ", ".join(str(known) for known in SUPPORTED_VERSIONS)
+        raise BadInput(f"version is {version!r}; supported: {supported}; make the tree again with this release")
+    tree = Tree(
+        _value(content, "behavior", str),
+        tuple(_each(content, "features", _feature)),
+        tuple(_each(content, "nodes", _node)),
+        tuple(_each(content, "leaves", _leaf)),
+        _value(content, "origin", dict),
+    )
+    if tree.behavior in OBSERVATIONS:
+        check_features(tree, OBSERVATIONS[tree.behavior])
+    if content.get("sha256") != tree.hash:
+        raise BadInput(f"sha256 does not fit the content, which has {tree.hash}; the file was changed or damaged")
+    return tree
+
+
+def _feature(item: Any) -> Feature:
+    return Feature(_value(item, "name", str), _value(item, "unit", str), _number(item, "low"), _number(item, "high"))
+
+
+def _leaf(item: Any) -> Leaf:
+    return Leaf(_number(item, "left_rad_s"), _number(item, "right_rad_s"), _value(item, "patterns", int))
+
+
+def _node(item: Any) -> Node:
+    if type(item) is int:
+        return item
+    if not isinstance(item, list) or [type(part) is int for part in item] != [True, type(item[1]) is int, True, True]:  # pyright: ignore
+        raise BadInput("expected a leaf_id or [feature, threshold, left, right]")
+    feature, threshold, left, right = item  # pyright: ignore[reportUnknownVariableType]
+    return Split(feature, _number({"threshold": threshold}, "threshold"), left, right)
+
+
+def _each[T](content: dict[str, Any], key: str, read: Callable[[Any], T]) -> list[T]:
+    values: list[T] = []
+    for index, item in enumerate(_value(content, key, list)):
+        try:
+            values.append(read(item))
+        except BadInput as error:
+            raise BadInput(f"{key}[{index}]: {error}") from None
+    return values
+
+
+def _value[T](content: Any, key: str, kind: type[T]) -> T:
+    if not isinstance(content, dict):
+        raise BadInput(f"expected an object with '{key}'")
+    value: Any = content.get(key)  # pyright: ignore[reportUnknownMemberType]
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise BadInput(f"'{key}' is missing, or of a wrong type")
+    return value
+
+
+def _number(content: Any, key: str) -> float:
+    if not isinstance(content, dict):
+        raise BadInput(f"expected an object with '{key}'")
+    value: Any = content.get(key)  # pyright: ignore[reportUnknownMemberType]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise BadInput(f"'{key}' is missing, or not a number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise BadInput(f"'{key}' is too large") from None
+
+
+def _not_a_number(text: str) -> NoReturn:
+    raise BadInput(f"{text} is not a number; every number must be finite")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise BadInput(f"{text} is too large; every number must be finite")
+    return value
