@@ -1,10 +1,13 @@
 """The recording, read back by independent readers: the mcap package with CRCs checked, and rosbags."""
 
+import io
 import json
 import resource
 import shutil
+import struct
 import subprocess
 import sys
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,13 +21,15 @@ from fbql_fusion.recording import CHUNK_BYTES, Attachment, Channel, Recorder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.exceptions import EndOfFile
+from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Attachment as AttachmentRecord
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Chunk, McapRecord, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.writer import MCAP0_MAGIC
 from rosbags.rosbag2 import Reader
-from zstandard import ZstdError
+from zstandard import ZstdError, decompress
 
 CHANNELS = [
     Channel("/a", "pkg/msg/A", "int64 x\n", "RIHS01_a", Qos()),
@@ -64,6 +69,16 @@ def records_of[Record: McapRecord](path: Path, kind: type[Record]) -> list[Recor
     with path.open("rb") as file, suppress(EndOfFile):
         records.extend(StreamReader(file, emit_chunks=True, validate_crcs=True).records)
     return [record for record in records if isinstance(record, kind)]
+
+
+def ends_with_a_whole_record(path: Path) -> bool:
+    """Walks a file from record to record by their lengths."""
+    data = path.read_bytes()
+    offset = len(MCAP0_MAGIC)
+    while offset < len(data):
+        (length,) = struct.unpack_from("<Q", data, offset + 1)
+        offset += 9 + length
+    return offset == len(data)
 
 
 # Message definitions
@@ -221,6 +236,33 @@ def test_chunks_are_zstd_of_the_set_size_and_hold_no_schema(finished):
     assert sum(isinstance(record, ChannelRecord) for record in records[:first_chunk]) == 3
 
 
+def test_every_message_index_points_to_its_messages(finished):
+    data = (finished / "run_0.mcap").read_bytes()
+    summary = make_reader(io.BytesIO(data)).get_summary()
+    assert summary is not None
+    found = 0
+    for chunk in summary.chunk_indexes:
+        start = chunk.chunk_start_offset + chunk.chunk_length - chunk.compressed_size
+        messages = decompress(data[start : start + chunk.compressed_size], chunk.uncompressed_size)
+        assert sorted(chunk.message_index_offsets) == [1, 2, 3]
+        end = chunk.chunk_start_offset + chunk.chunk_length + chunk.message_index_length
+        for channel, offset in chunk.message_index_offsets.items():
+            opcode, length, number, size = struct.unpack_from("<BQHI", data, offset)
+            assert (opcode, length, number) == (Opcode.MESSAGE_INDEX, size + 6, channel)
+            assert offset + 9 + length <= end
+            for time_ns, place in struct.iter_unpack("<QQ", data[offset + 15 : offset + 15 + size]):
+                assert struct.unpack_from("<BQHIQ", messages, place)[0::2] == (Opcode.MESSAGE, channel, time_ns)
+                found += 1
+    assert found == 1200
+
+
+def test_summary_and_footer_carry_their_crc(finished):
+    data = (finished / "run_0.mcap").read_bytes()
+    footer = len(data) - len(MCAP0_MAGIC) - 20
+    summary_start, _, crc = struct.unpack_from("<QQI", data, footer)
+    assert crc == zlib.crc32(data[summary_start : footer + 16])
+
+
 def test_a_flipped_bit_is_found_wherever_messages_are(finished):
     path = finished / "run_0.mcap"
     data = path.read_bytes()
@@ -263,7 +305,9 @@ def test_any_sequence_of_messages_comes_back_in_order(tmp_path_factory, sequence
 def test_file_is_active_until_it_is_finished_and_metadata_comes_last(tmp_path):
     recording = recorder(tmp_path / "run")
     recording.write(0, cdr(1), 5)
+    assert recording.messages == 1
     recording.flush()
+    assert recording.messages == 1
     assert [path.name for path in (tmp_path / "run").iterdir()] == ["run_0.mcap.active"]
     recording.close()
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["metadata.yaml", "run_0.mcap"]
@@ -357,6 +401,7 @@ def test_a_failing_disk_stops_the_recording_once_and_leaves_whole_chunks(tmp_pat
     left = in_file_order(recording.active_path)
     assert [time_ns for _, time_ns, _ in left] == list(range(recording.messages))
     assert 20 <= len(left) < 900
+    assert ends_with_a_whole_record(recording.active_path)
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["run_0.mcap.active"]
 
 
@@ -371,6 +416,7 @@ def test_a_disk_that_fails_at_the_very_end_leaves_no_metadata(tmp_path):
     assert len(reports) == 1
     assert recording.messages == 1
     assert len(in_file_order(recording.active_path)) == 1
+    assert ends_with_a_whole_record(recording.active_path)
     assert not (tmp_path / "run/metadata.yaml").exists()
 
 

@@ -349,6 +349,21 @@ def test_random_tie_rule_gives_every_behavior_its_turn():
     assert winners == {0, 1, 2}
 
 
+def test_weights_stay_where_the_printed_update_leaves_nothing_to_divide_by():
+    """With gains of -1 everybody's weight 1/2 becomes 0: possible only without the bounds."""
+    session = Session(
+        FusionParameters(
+            controller="fbql_literal", guided=0, behaviors=["ball_seeking", "approaching"], tie_rule="all",
+            weight_gain=1.0, weight_offset=-1.0, gain_low=-1e9, weight_floor=-1e9,
+        )
+    )  # fmt: skip
+    session.next_episode()
+    session.decide(world(0, 0), answers(1, 2))
+    _, decision = session.decide(world(0, 1), answers(1, 2))
+    assert decision.weights == (0.5, 0.5)
+    assert learned(session) == {(1, 2): ([0.0, 0.0], [0.5, 0.5])}
+
+
 # What is missing or wrong
 
 
@@ -362,6 +377,17 @@ def test_a_missing_behavior_leaves_its_weight_to_the_others_and_its_leaf_open():
     assert decision.weights == (0.5, 0.0, 0.5)
     assert decision.joint_state == (1, NO_LEAF, 3)
     assert decision.degraded
+
+
+def test_a_joint_state_with_a_leaf_missing_has_no_q_and_its_weights_are_equal():
+    session = Session(FusionParameters(controller="fbql_literal", guided=0, tie_rule="first"))
+    play(session)
+    session.next_episode()
+    outputs = answers()
+    outputs[0] = None
+    _, decision = session.decide(world(1, 0), outputs)
+    assert decision.q == ()
+    assert decision.weights == (0.0, 0.5, 0.5)
 
 
 def test_with_no_behavior_left_the_wheels_stop():

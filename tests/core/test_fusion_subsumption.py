@@ -70,6 +70,12 @@ def test_approach_threshold_is_an_angle(threshold, driver):
     assert driver_of(layers, BESIDE_BALL, ALL) == driver
 
 
+@pytest.mark.parametrize("ball_y", [0.5, -0.5])
+def test_a_ball_to_the_side_is_approached_from_either_side(ball_y):
+    """psi is -0.89 and 0.89 rad."""
+    assert driver_of(layers_of(FusionParameters()), FREE._replace(ball_x_m=0.0, ball_y_m=ball_y), ALL) == APPROACH
+
+
 def test_behaviors_are_found_by_name_in_any_order_and_number():
     fused = FusionParameters(behaviors=["dribbling", "approaching", "ball_seeking"])
     assert driver_of(layers_of(fused), BOTH, ALL) == 1
