@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from fbql_common.core.errors import BadInput
@@ -38,8 +39,8 @@ class BehaviorNodeParameters:
 class BehaviorNode(GraphNode):
     """One behavior, with the tree that ships for `behavior_name`, or the one that `tree_file` names."""
 
-    def __init__(self, behavior_name: str = "") -> None:
-        super().__init__(behavior_name or "behavior")
+    def __init__(self, behavior_name: str = "", **options: Any) -> None:
+        super().__init__(behavior_name or "behavior", **options)
         parameters = declare_parameters(self, BehaviorNodeParameters)
         path = Path(parameters.tree_file) if parameters.tree_file else _shipped(behavior_name)
         tree = load_tree(path)
@@ -47,16 +48,25 @@ class BehaviorNode(GraphNode):
         self._publisher = self.create_publisher(BehaviorOutput, behavior_topic(self._behavior.name), STEP_QOS)
         self._input = Input(self, World, WORLD, decode_world, self._on_world, STEP_QOS)
         self._watch = WorldWatch(self, self._input)
-        self.get_logger().info(f"{self._behavior.name}: {tree.leaf_count} leaves, tree {tree.hash[:12]}, from {path.name}")
+        self.get_logger().info(
+            f"{self._behavior.name}: {tree.leaf_count} leaves, tree {tree.hash[:12]}, from {path.name}"
+        )
 
     def _on_world(self, world: World, _data: bytes) -> None:
         if not self._watch.accept(world):
             return
-        self._publisher.publish(encode_output(self._behavior.answer(world)))
+        try:
+            output = self._behavior.answer(world)
+        except BadInput as error:
+            self._input.drop(str(error))
+            return
+        self._publisher.publish(encode_output(output))
 
     def close(self) -> None:
         if self._behavior.clamped_count:
-            self.get_logger().info(f"{self._behavior.clamped_count} observations lay outside the tree's root region and were clamped")
+            self.get_logger().info(
+                f"{self._behavior.clamped_count} observations lay outside the tree's root region and were clamped"
+            )
 
 
 def _shipped(behavior_name: str) -> Path:

@@ -64,23 +64,27 @@ def declare_all(node: Node, *declarations: type[Any]) -> tuple[Any, ...]:
 def _declare[T](node: Node, declaration: type[T], where: str) -> T:
     kinds, limits, values = types_of(declaration), limits_of(declaration), {}
     for name, default in defaults_of(declaration).items():
-        override = node._parameter_overrides.get(name)
-        if override is not None:
-            kind = kinds[name]
-            if override.type_ != _TYPES[kind] and not (kind == list[str] and override.value == []):
-                hint = f"; write {override.value}.0" if kind is float and type(override.value) is int else ""
-                raise BadInput(
-                    f"{where}: parameter '{name}' must be {_TYPES[kind].name.lower()}, "
-                    f"not {override.type_.name.lower()} {override.value!r}{hint}"
-                )
-            value = list(override.value) if kind == list[str] else override.value
-            from_mapping(declaration, {name: value}, where)
+        kind = kinds[name]
+        given = node._parameter_overrides.get(name)
+        if given is not None and given.type_ == Parameter.Type.NOT_SET and default == []:
+            given = None  # that is how rcl reads an empty list
+        if given is not None:
+            from_mapping(declaration, {name: _value_of(given, kind, where)}, where)
         # The type of an empty list can't be told from its value.
-        declared = _TYPES[kinds[name]] if default == [] else default
+        declared = _TYPES[kind] if default == [] else default
+        descriptor = _descriptor(kind, limits[name])
         try:
-            values[name] = node.declare_parameter(name, declared, _descriptor(kinds[name], limits[name])).value
+            values[name] = node.declare_parameter(name, declared, descriptor, ignore_override=given is None).value
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             raise BadInput(f"{where}: {error}") from None
-        if kinds[name] == list[str]:
+        if kind == list[str]:
             values[name] = list(values[name] or [])
     return from_mapping(declaration, values, where)
+
+
+def _value_of(given: Parameter, kind: Any, where: str) -> Any:
+    if given.type_ != _TYPES[kind]:
+        hint = f"; write {given.value}.0" if kind is float and type(given.value) is int else ""
+        what = "empty" if given.value is None else f"{given.type_.name.lower()} {given.value!r}"
+        raise BadInput(f"{where}: parameter '{given.name}' must be {_TYPES[kind].name.lower()}, not {what}{hint}")
+    return list(given.value) if kind == list[str] else given.value

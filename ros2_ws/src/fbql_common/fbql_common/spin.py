@@ -7,11 +7,14 @@ import signal
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from errno import ENOENT
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
+from rclpy.exceptions import InvalidParameterTypeException, NameValidationException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -27,11 +30,12 @@ _PATIENCE_S = 0.2
 class GraphNode(Node):
     """A node that can say that its work is done.
 
-    `finish(code)` ends the process (or, in one process, all its nodes) with that exit code.
+    `finish(code)` ends the process (or, in one process, all its nodes) with that exit code. `options` are those of
+    rclpy's Node: namespace, context, cli_args and so on, for whoever composes nodes.
     """
 
-    def __init__(self, name: str) -> None:
-        super().__init__(name)
+    def __init__(self, name: str, **options: Any) -> None:
+        super().__init__(name, **options)
         self.finished: Future = Future()
 
     def finish(self, code: int = DONE) -> None:
@@ -73,9 +77,9 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
     except BadInput as error:
         return _say(error)
     except UnknownROSArgsError as error:
-        return _say(f"unknown ROS arguments: {', '.join(error.args[0])}")
+        return _say(f"unknown ROS arguments: {error}")
     except RCLError as error:
-        return _say(str(error).strip().splitlines()[0])
+        return _say(str(error).strip().partition("\n")[0])
     nodes: list[GraphNode] = []
     try:
         executor = EventsExecutor()
@@ -84,8 +88,10 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
             nodes.append(node)
             executor.add_node(node)
         return _spin(executor, nodes, signals)
-    except BadInput as error:
+    except (BadInput, InvalidParameterTypeException) as error:
         return _say(error)
+    except NameValidationException as error:
+        return _say(str(error).rstrip("^ \n"))
     finally:
         rclpy.try_shutdown()
 
@@ -113,23 +119,34 @@ def _refuse_security() -> None:
 
 def _writable_log_directory() -> None:
     """Points ROS_LOG_DIR to a directory that can be written, when the one in force can't be."""
-    home = Path(os.environ.get("ROS_HOME") or Path(os.environ.get("HOME") or "/") / ".ros")
-    directory = Path(os.environ.get("ROS_LOG_DIR") or home / "log")
+    directory = _log_directory()
     try:
+        if directory is None:
+            raise FileNotFoundError(ENOENT, "HOME is not set")
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory):
             return
     except OSError as error:
+        where = directory or "~/.ros/log"
         try:
             os.environ["ROS_LOG_DIR"] = tempfile.mkdtemp(prefix="fbql-log-")
         except OSError:
             raise BadInput(
-                f"no log can be written, neither to {directory} ({error.strerror}) nor to {tempfile.gettempdir()}; "
+                f"no log can be written, neither to {where} ({error.strerror}) nor to {tempfile.gettempdir()}; "
                 "set ROS_LOG_DIR to a directory that can be written"
             ) from None
-        print(f"log directory {directory}: {error.strerror}; using {os.environ['ROS_LOG_DIR']}", file=sys.stderr)
+        print(f"log directory {where}: {error.strerror}; using {os.environ['ROS_LOG_DIR']}", file=sys.stderr)
+
+
+def _log_directory() -> Path | None:
+    """Where ROS will log to, by its own rules; None where they name no place."""
+    if named := os.environ.get("ROS_LOG_DIR"):
+        return Path(named)
+    if home := os.environ.get("ROS_HOME"):
+        return Path(home) / "log"
+    return Path(home) / ".ros" / "log" if (home := os.environ.get("HOME")) else None
 
 
 def _say(message: object) -> int:
-    print(message, file=sys.stderr)
+    print(" ".join(str(message).split()), file=sys.stderr)
     return BAD_INPUT

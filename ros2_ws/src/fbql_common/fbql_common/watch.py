@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from time import monotonic
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -31,6 +32,7 @@ class WorldWatch:
         self._node = node
         self._input = world_input
         self._last_ns = 0
+        self._last_s = float("-inf")
         self._clock_ready = False
         self._warned_zero = False
         self._waited = 0
@@ -38,17 +40,22 @@ class WorldWatch:
         self._timer = steady_timer(node, _PERIOD_S, self._check)
 
     def accept(self, world: World) -> bool:
-        """False for a world state that is older than the last (counted), or that comes before /clock does."""
+        """False for a world state that is older than the last (counted), or that comes before /clock does.
+
+        An episode's first world state is never too old, and none is after a pause: a simulator that was started
+        again begins its time anew.
+        """
         if not self._clock_ready and self._waits_for_clock():
             self._input.drop("use_sim_time is set and no /clock has come yet")
-            return False
-        if world.stamp_ns < self._last_ns and world.step != 0:
-            self._input.drop(f"episode {world.episode}, step {world.step} is older than the last")
             return False
         if world.stamp_ns == 0 and not self._warned_zero:
             self._warned_zero = True
             self._node.get_logger().warning(f"{self._input.topic}: a world state has no stamp (said once)")
-        self._last_ns = world.stamp_ns
+        now = monotonic()
+        if world.stamp_ns < self._last_ns and world.step != 0 and now - self._last_s < PAUSED_AFTER_S:
+            self._input.drop(f"episode {world.episode}, step {world.step} is older than the last")
+            return False
+        self._last_ns, self._last_s = world.stamp_ns, now
         return True
 
     def _waits_for_clock(self) -> bool:

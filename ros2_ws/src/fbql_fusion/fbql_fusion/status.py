@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from time import monotonic
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from fbql_common.core.types import Decision, Phase
+from fbql_common.inputs import Input
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
@@ -15,10 +17,11 @@ _PERIOD_S = 0.25
 
 
 class Status:
-    """Publishes the state of a session a few times a second."""
+    """Publishes the state of a session, and how many messages its inputs dropped, a few times a second."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, inputs: Sequence[Input]) -> None:
         self._session = session
+        self._inputs = inputs
         self.decision: Decision | None = None
         self._due_s = 0.0
         self._last = (monotonic(), 0)
@@ -45,13 +48,14 @@ class Status:
             "own_goals": str(outcomes.count("own_goal")),
             "timeouts": str(outcomes.count("timeout")),
             "steps_per_s": f"{rate:.0f}",
+            "dropped": str(sum(source.dropped for source in self._inputs)),
             "weights": " ".join(
                 f"{name} {weight:.2f}" for name, weight in zip(decision.behaviors, decision.weights, strict=True)
             ),
         }
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if decision.degraded else DiagnosticStatus.OK,
-            name=f"{node.get_name()}: match",
+            name=f"{node.get_fully_qualified_name()[1:]}: match",
             message="degraded: a behavior did not answer" if decision.degraded else "playing",
             hardware_id="fusion",
             values=[KeyValue(key=key, value=value) for key, value in values.items()],

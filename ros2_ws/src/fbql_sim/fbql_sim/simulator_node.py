@@ -8,12 +8,14 @@ subscribes `wheel_command`; serves `~/reset_episode`. Parameters: `SimulatorNode
 Lockstep (default): the world steps when the command for this very (episode, step) arrives; while none comes, the
 world state is published again now and then, so that a lost message or a late subscriber costs a moment, not the run.
 Real time: the world steps on the steady clock with the latest command, and with wheels at rest when that is too old.
+A command of another episode, from the future or older than one that came before is never used.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from time import monotonic
+from typing import Any
 
 from fbql_common.core.parameters import parameter
 from fbql_common.core.types import WheelCommand
@@ -43,7 +45,11 @@ class SimulatorNodeParameters:
         0.0, "speed relative to real time; 0: lockstep, as fast as commands come", low=0.0, high=100.0
     )
     command_timeout_s: float = parameter(
-        0.25, "real time: a command older than this stops the wheels", unit="s", low=0.01, high=10.0
+        0.25,
+        "real time: a command older than this, both in real and in simulated time, stops the wheels",
+        unit="s",
+        low=0.01,
+        high=10.0,
     )
     request_period_s: float = parameter(
         0.25, "a world state without answer is published again after this", unit="s", low=0.02, high=10.0
@@ -60,15 +66,15 @@ class SimulatorNodeParameters:
 class SimulatorNode(GraphNode):
     """The robot soccer field as a node."""
 
-    def __init__(self) -> None:
-        super().__init__("simulator")
+    def __init__(self, **options: Any) -> None:
+        super().__init__("simulator", **options)
         self._parameters, simulation = declare_all(self, SimulatorNodeParameters, SimulationParameters)
         self._loop = WorldLoop(simulation)
         self._world = self._loop.reset(IDLE_EPISODE, self._parameters.seed)
         self._seed = self._parameters.seed
         self._command: WheelCommand | None = None
         self._command_s = float("-inf")
-        self._stopped = True
+        self._stopped = False
         self._published_s = float("-inf")
         self._stepped_s = monotonic()
         self._steps = 0
@@ -77,11 +83,14 @@ class SimulatorNode(GraphNode):
         self._views = Views(self, always=self._parameters.realtime > 0)
         self._input = Input(self, WheelCommand, WHEEL_COMMAND, decode_command, self._on_command, STEP_QOS)
         self.create_service(ResetEpisode, "~/reset_episode", self._on_reset)
-        if self._parameters.realtime > 0:
-            self._period_s = self._loop.dt_s / self._parameters.realtime
+        self._speed = self._parameters.realtime
+        if self._speed > 0:
+            self._period_s = self._loop.dt_s / self._speed
+            # In slow motion a command of the last step is older than the limit before the next one comes.
+            self._patience_s = self._parameters.command_timeout_s * max(1.0, 1.0 / self._speed)
             self._timer = steady_timer(self, self._period_s, self._tick)
         self._watch = steady_timer(self, min(self._parameters.request_period_s, 0.25), self._check)
-        mode = f"{self._parameters.realtime:g}x real time" if self._parameters.realtime > 0 else "lockstep"
+        mode = f"{self._speed:g}x real time" if self._speed > 0 else "lockstep"
         self.get_logger().info(f"simulator: {mode}, step {1e3 * self._loop.dt_s:.1f} ms")
 
     def _publish(self) -> None:
@@ -97,37 +106,47 @@ class SimulatorNode(GraphNode):
 
     def _on_command(self, command: WheelCommand, _data: bytes) -> None:
         world = self._world
-        if self._parameters.realtime > 0:
-            if command.stamp_ns + self._parameters.command_timeout_s * NS < world.stamp_ns:
-                self._input.drop(f"the command's stamp is {(world.stamp_ns - command.stamp_ns) / NS:.2f} s old")
-                return
+        if self._speed > 0:
+            self._keep(command)
+        elif (command.episode, command.step) == (world.episode, world.step):
+            if not world.ended:
+                self._step(command.left_rad_s, command.right_rad_s)
+        elif command.stamp_ns > world.stamp_ns:
+            self._input.drop(f"a command for episode {command.episode}, step {command.step}, which is not there yet")
+        # An older one is the answer to a world state that was published twice: nothing to do.
+
+    def _keep(self, command: WheelCommand) -> None:
+        """Keeps the latest command of this episode for the next steps."""
+        age_s = (self._world.stamp_ns - command.stamp_ns) / NS
+        if command.episode != self._world.episode:
+            return  # the last answers to an episode that is over
+        if age_s > self._patience_s * self._speed:
+            self._input.drop(f"the command's stamp is {age_s:.2f} s old")
+        elif age_s < 0:
+            self._input.drop(f"the command's stamp is {-age_s:.2f} s ahead of simulated time")
+        elif self._command is not None and command.stamp_ns < self._command.stamp_ns:
+            self._input.drop(f"the command for step {command.step} is older than the last")
+        else:
             self._command, self._command_s = command, monotonic()
-        elif (command.episode, command.step) != (world.episode, world.step):
-            if command.stamp_ns > world.stamp_ns:
-                self._input.drop(
-                    f"a command for episode {command.episode}, step {command.step}, which is not there yet"
-                )
-            # An older one is the answer to a world state that was published twice: nothing to do.
-        elif not world.ended:
-            self._step(command.left_rad_s, command.right_rad_s)
 
     def _tick(self) -> None:
         if self._world.ended:
             return
         now = monotonic()
         self._missed_ticks += max(0, round((now - self._stepped_s) / self._period_s) - 1)
-        fresh = now - self._command_s <= self._parameters.command_timeout_s
-        if self._stopped and fresh:
-            self.get_logger().info("commands come: the wheels turn")
-        elif not self._stopped and not fresh:
-            self.get_logger().warning(
-                f"no command for {self._parameters.command_timeout_s:g} s: the wheels are stopped"
-            )
-        self._stopped = not fresh
-        if fresh and self._command is not None:
-            self._step(self._command.left_rad_s, self._command.right_rad_s)
-        else:
+        command = self._command
+        if command is None:
             self._step(0.0, 0.0)
+        elif now - self._command_s > self._patience_s:
+            if not self._stopped:
+                self.get_logger().warning(f"no command for {self._patience_s:g} s: the wheels are stopped")
+            self._stopped = True
+            self._step(0.0, 0.0)
+        else:
+            if self._stopped:
+                self.get_logger().info("commands come again: the wheels turn")
+            self._stopped = False
+            self._step(command.left_rad_s, command.right_rad_s)
 
     def _on_reset(self, request: ResetEpisode.Request, response: ResetEpisode.Response) -> ResetEpisode.Response:
         episode, seed = int(request.episode), int(request.seed)
@@ -137,7 +156,6 @@ class SimulatorNode(GraphNode):
         if (self._world.episode, self._world.step, self._seed) != (episode, 0, seed):
             self._world, self._seed = self._loop.reset(episode, seed), seed
             self._command = None
-            self._command_s = float("-inf")
         self._stepped_s = monotonic()
         self._publish()
         response.success = True
@@ -150,7 +168,7 @@ class SimulatorNode(GraphNode):
             self._input.check_types()
         now = monotonic()
         timeout_s = self._parameters.lockstep_timeout_s
-        under_way = self._world.step > 0 and not self._world.ended and self._parameters.realtime == 0
+        under_way = self._world.episode >= 0 and not self._world.ended and self._speed == 0
         if under_way and 0 < timeout_s < now - self._stepped_s:
             self.get_logger().error(
                 f"no command on {self._input.topic} for episode {self._world.episode}, step {self._world.step} "

@@ -1,6 +1,7 @@
 """Puts together what belongs to one step: the world state and every behavior's answer to it.
 
 Messages arrive in any order, twice, late or not at all; a step is decided once, and only with what belongs to it.
+What belongs to a step carries its stamp.
 """
 
 from __future__ import annotations
@@ -10,101 +11,136 @@ from enum import Enum
 
 from fbql_common.core.types import BehaviorOutput, World
 
+_MAX_STEPS = 16
+"""Steps that are put together at the same time; in lockstep there is one."""
+
 
 class Arrival(Enum):
     """What a world state is to the episode under way."""
 
     NEW = "new"
-    AGAIN = "again"
-    """Its step was decided already: the answer got lost, repeat it."""
-    OLD = "old"
-    """Of an older step, or of an episode that is not under way."""
+    WAITING = "waiting"
+    """It came before, and some behavior has not answered it yet."""
+    DECIDED = "decided"
+    """Its step was decided already: the command got lost, repeat it."""
+    FOREIGN = "foreign"
+    """Of an older step, of another episode, or of an episode whose beginning was missed."""
+
+
+class Step:
+    """What has come of one step: bytes beside what they mean, None and b"" for what has not come."""
+
+    __slots__ = ("data", "outputs", "world", "world_data")
+
+    def __init__(self, behaviors: int) -> None:
+        self.world: World | None = None
+        self.world_data = b""
+        self.outputs: list[BehaviorOutput | None] = [None] * behaviors
+        self.data = [b""] * behaviors
 
 
 class StepAssembly:
-    """Collects the messages of the step that is decided next.
+    """Collects the messages of the steps that are not decided yet.
 
-    A behavior is live, and so waited for, until `drop_missing` and again from its next answer on.
+    Every behavior is waited for, from the beginning on until `drop_missing`, and again from its next answer in time on.
     """
 
     def __init__(self, behaviors: Sequence[str]) -> None:
         self._names = tuple(behaviors)
-        self._outputs: list[BehaviorOutput | None] = [None] * len(self._names)
-        self._data = [b""] * len(self._names)
-        self.live = [True] * len(self._names)
-        self._heard = [False] * len(self._names)
-        self.episode: int | None = None
-        self.decided_step = -1
-        self.world: World | None = None
-        self.world_data = b""
+        self._waited_for = [True] * len(self._names)
+        self._episode: int | None = None
+        self._decided: World | None = None
+        self._steps: dict[int, Step] = {}
 
     def begin(self, episode: int) -> None:
-        """A new episode was asked for: only its worlds count from here on, from step 0."""
-        self.episode = episode
-        self.decided_step = -1
-        self.world = None
+        """An episode was asked for: only its world states count from here on, beginning with step 0."""
+        self._episode = episode
+        self._decided = None
+        self._steps.clear()
 
     def add_world(self, world: World, data: bytes) -> Arrival:
         """Takes a world state that is new; tells what it is."""
-        if world.episode != self.episode:
-            return Arrival.OLD
-        if world.step == self.decided_step:
-            return Arrival.AGAIN
-        if world.step < self.decided_step or (self.decided_step < 0 and world.step != 0):
-            return Arrival.OLD
-        self.world, self.world_data = world, data
+        decided = self._decided
+        if world.episode != self._episode:
+            return Arrival.FOREIGN
+        if decided is None:
+            if world.step != 0 and self.oldest() is None:
+                return Arrival.FOREIGN
+        elif world.stamp_ns <= decided.stamp_ns or world.step <= decided.step:
+            return Arrival.DECIDED if world == decided else Arrival.FOREIGN
+        step = self._step(world.stamp_ns)
+        if step.world is not None:
+            return Arrival.WAITING
+        step.world, step.world_data = world, data
+        for index, output in enumerate(step.outputs):
+            if output is not None and output.step != world.step:
+                step.outputs[index], step.data[index] = None, b""
         return Arrival.NEW
 
     def add_output(self, index: int, output: BehaviorOutput, data: bytes) -> None:
-        """Takes a behavior's answer; whether it belongs to the step is seen when the step is complete."""
-        self._outputs[index], self._data[index] = output, data
-        self.live[index] = self._heard[index] = True
+        """Takes a behavior's answer. One to an older step than the last decided is too late and counts for nothing."""
+        decided = self._decided
+        if output.episode != self._episode or (decided is not None and output.stamp_ns < decided.stamp_ns):
+            return
+        if decided is None or output.stamp_ns > decided.stamp_ns:
+            step = self._step(output.stamp_ns)
+            if step.world is not None and step.world.step != output.step:
+                return
+            step.outputs[index], step.data[index] = output, data
+        self._waited_for[index] = True
 
-    @property
-    def all_heard(self) -> bool:
-        """Whether every behavior has ever answered. Until then the graph is still coming up."""
-        return all(self._heard)
+    def oldest(self) -> Step | None:
+        """The oldest step that has its world state, if any is waiting."""
+        return next((step for step in self._steps.values() if step.world is not None), None)
 
-    def complete(self) -> bool:
-        """Whether the world state and the answer of every live behavior are there."""
-        world = self.world
-        if world is None or True not in self.live:
-            return False
-        for output, live in zip(self._outputs, self.live, strict=True):
-            if live and (output is None or output.step != world.step or not _answers(output, world)):
-                return False
-        return True
+    def newest(self) -> Step | None:
+        """The newest step that has its world state, if any is waiting."""
+        return next((step for step in reversed(self._steps.values()) if step.world is not None), None)
 
-    def answers(self) -> list[BehaviorOutput | None]:
-        """For each behavior its answer to the world state of the step; None where there is none."""
-        world = self.world
-        if world is None:
-            return [None] * len(self._names)
-        return [output if output is not None and _answers(output, world) else None for output in self._outputs]
-
-    def answer_data(self) -> list[bytes]:
-        """The bytes of answers(), empty where there is none."""
-        return [data if answer is not None else b"" for answer, data in zip(self.answers(), self._data, strict=True)]
+    def complete(self) -> Step | None:
+        """The newest step with its world state and the answer of every behavior that is waited for."""
+        for step in reversed(self._steps.values()):
+            if step.world is not None and (None not in step.outputs or self._is_complete(step)):
+                return step
+        return None
 
     def missing(self) -> list[str]:
-        """Names of the behaviors that have not answered the world state of the step."""
-        return [name for name, answer in zip(self._names, self.answers(), strict=True) if answer is None]
+        """Names of the behaviors that have not answered the oldest world state."""
+        step = self.oldest()
+        outputs = () if step is None else step.outputs
+        return [self._names[index] for index, output in enumerate(outputs) if output is None]
 
     def drop_missing(self) -> list[str]:
-        """Waits no longer for the live behaviors that have not answered; gives their names."""
+        """Waits no longer for the behaviors that have not answered the oldest world state; gives their names."""
         dropped: list[str] = []
-        for index, answer in enumerate(self.answers()):
-            if answer is None and self.live[index]:
-                self.live[index] = False
-                dropped.append(self._names[index])
+        missing = self.missing()
+        for index, name in enumerate(self._names):
+            if self._waited_for[index] and name in missing:
+                self._waited_for[index] = False
+                dropped.append(name)
         return dropped
 
-    def decided(self) -> None:
-        """The step is done: its world state is not waited for again."""
-        if self.world is not None:
-            self.decided_step = self.world.step
-            self.world = None
+    def decided(self, step: Step) -> None:
+        """A step is done. So are those before it: they are never decided."""
+        world = step.world
+        if world is None:
+            raise ValueError("a step without a world state can't be decided")
+        self._decided = world
+        if len(self._steps) == 1:
+            self._steps.clear()
+        else:
+            self._steps = {stamp: kept for stamp, kept in self._steps.items() if stamp > world.stamp_ns}
 
+    def _step(self, stamp_ns: int) -> Step:
+        step = self._steps.get(stamp_ns)
+        if step is None:
+            if len(self._steps) == _MAX_STEPS:
+                del self._steps[next(iter(self._steps))]
+            step = self._steps[stamp_ns] = Step(len(self._names))
+        return step
 
-def _answers(output: BehaviorOutput, world: World) -> bool:
-    return output.step == world.step and output.episode == world.episode and output.stamp_ns == world.stamp_ns
+    def _is_complete(self, step: Step) -> bool:
+        """Whether the behaviors that are waited for, at least one, have answered."""
+        return True in self._waited_for and not any(
+            waited_for and output is None for waited_for, output in zip(self._waited_for, step.outputs, strict=True)
+        )

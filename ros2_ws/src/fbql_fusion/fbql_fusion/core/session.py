@@ -140,10 +140,25 @@ class Session:
             return None
         self._index += 1
         self._seed = episode_seed(limits.seed, self._index)
+        self.phase = Phase.GUIDED if self._index < self.guided else self._free_phase
+        return self._begin(degraded=False)
+
+    def restart_episode(self) -> tuple[int, int]:
+        """Begins the episode under way again, because its world was lost: its number and its seed.
+
+        It is degraded where it had begun. Its record counts from the new start; `steps` and `digest` keep all.
+
+        Raises:
+            ValueError: no episode is under way.
+        """
+        if self._episode < 0:
+            raise ValueError("no episode is under way")
+        return self._begin(degraded=self._degraded or self._step >= 0)
+
+    def _begin(self, degraded: bool) -> tuple[int, int]:
         self._episode = self._index
         self._step = -1
-        self.phase = Phase.GUIDED if self._index < self.guided else self._free_phase
-        self._degraded = False
+        self._degraded = degraded
         self._collisions_begun = 0
         self._collision_steps = 0
         self._return = 0.0

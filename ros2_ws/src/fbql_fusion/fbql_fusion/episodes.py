@@ -1,0 +1,95 @@
+"""The episodes of a run, asked for one after the other at the simulator's service."""
+
+from __future__ import annotations
+
+from time import monotonic
+
+from fbql_common.core.types import World
+from fbql_common.spin import FAILED, GraphNode
+from fbql_common.topics import RESET_EPISODE
+from fbql_msgs.srv import ResetEpisode
+from rclpy.task import Future
+
+from fbql_fusion.core.assembly import StepAssembly
+from fbql_fusion.core.session import Session
+
+_ASK_AGAIN_S = 2.0
+
+
+class Episodes:
+    """Asks the simulator for each episode, and again when the answer, or the whole episode, got lost.
+
+    Owns: what was asked for and when. Does not own: the schedule (the session's), the steps of an episode.
+
+    Args:
+        lost_after_s: when only world states of something else come for this long, the episode is lost [s].
+    """
+
+    def __init__(self, node: GraphNode, session: Session, assembly: StepAssembly, lost_after_s: float) -> None:
+        self._node = node
+        self._session = session
+        self._assembly = assembly
+        self._lost_after_s = lost_after_s
+        self._client = node.create_client(ResetEpisode, RESET_EPISODE)
+        self._asked: tuple[int, int] | None = None
+        """The episode and seed that the simulator was asked for and has not granted yet."""
+        self._asked_s = self.heard_s = float("-inf")
+        self.under_way = False
+        """Whether an episode was granted and has not ended."""
+
+    @property
+    def service(self) -> str:
+        """The absolute name of the service."""
+        return self._client.srv_name
+
+    def can_ask(self) -> bool:
+        """Whether the simulator's service is there."""
+        return self._client.service_is_ready()
+
+    def begin_next(self) -> bool:
+        """Asks for the next episode; False when the run is done."""
+        self.under_way = False
+        asked = self._session.next_episode()
+        if asked is not None:
+            self._begin(asked)
+        return asked is not None
+
+    def heard_foreign(self, world: World) -> None:
+        """A world state came that is not the episode's. When nothing else comes the simulator has lost the episode:
+        it was started again, or somebody else gave it another one."""
+        if self.under_way and monotonic() - self.heard_s > self._lost_after_s:
+            self.under_way = False
+            episode, seed = self._session.restart_episode()
+            self._node.get_logger().error(
+                f"the simulator is at episode {world.episode}, step {world.step}: episode {episode} is lost and begins "
+                "again; nothing more is learned in it"
+            )
+            self._begin((episode, seed))
+
+    def check(self, now_s: float) -> None:
+        """Asks again when no answer came. Asking again does no harm (ResetEpisode.srv)."""
+        if self._asked is not None and now_s - self._asked_s > _ASK_AGAIN_S and self.can_ask():
+            self._ask(self._asked)
+
+    def _begin(self, asked: tuple[int, int]) -> None:
+        self._asked, self._asked_s = asked, float("-inf")
+        self._assembly.begin(asked[0])
+        self._ask(asked)
+
+    def _ask(self, asked: tuple[int, int]) -> None:
+        if not self.can_ask():
+            return  # check() asks as soon as it can
+        self._asked_s = monotonic()
+        episode, seed = asked
+        call = self._client.call_async(ResetEpisode.Request(episode=int(episode), seed=int(seed)))
+        call.add_done_callback(self._on_answer)
+
+    def _on_answer(self, call: Future) -> None:
+        answer = call.result()
+        if not answer.success:
+            self._node.get_logger().error(f"the simulator refused an episode: {answer.message}")
+            self._node.finish(FAILED)
+        elif self._asked is not None:
+            self._asked = None
+            self.under_way = True
+            self.heard_s = monotonic()
