@@ -43,8 +43,10 @@ class InductionParameters:
     max_entropy: float = parameter(0.0, "entropy up to which a region counts as pure", unit="nat", low=0.0, high=10.0)
     trials: int = parameter(50, "trials of the rl method", low=1, high=1_000_000)
     learning_rate: float = parameter(1.0, "alpha of the rl method", low=0.001, high=1.0)
-    initial_q: float = parameter(0.01, "Q of an action not yet tried", unit="nat", low=-100.0, high=100.0)
-    epsilon_start: float = parameter(0.2, "share of random actions in the first trial", low=0.0, high=1.0)
+    optimism: float = parameter(
+        0.5, "Q of a split not yet tried, as a share of the entropy that it could remove at once", low=0.0, high=2.0
+    )
+    epsilon_start: float = parameter(0.05, "share of random actions in the first trial", low=0.0, high=1.0)
     epsilon_end: float = parameter(0.0, "share of random actions in the last trial", low=0.0, high=1.0)
     update: str = parameter(
         "converging", "eq. 4 with the term -Q, or as printed (diverges)", choices=("converging", "printed")
@@ -114,11 +116,13 @@ def learn(boxes: Boxes, parameters: InductionParameters, rng: np.random.Generato
     """Q-learning by trials: each grows a tree from the root by epsilon-greedy actions and updates Q by eq. 4.
 
     A trial's updates run from its last visited box to the root, so that a box learns from its children's newest values.
-    The no-split action is terminal and earns 0: its Q is known and stays 0.
+    The no-split action is terminal and earns 0: its Q is known and stays 0. A split not yet tried is worth a share of the
+    entropy that is there to be removed: such hopes, not chance, make the trials explore where there is something to gain.
     """
     reward, offered = split_rewards(boxes, parameters)
     options = _options(boxes, reward, offered)
-    q = [[parameters.initial_q] * len(available) for available in options]
+    hopes = (parameters.optimism * boxes.entropy * gain_weight(boxes, parameters)).tolist()
+    q = [[hope] * len(available) for hope, available in zip(hopes, options, strict=True)]
     best = [max(0.0, *values) if values else 0.0 for values in q]
     update = q_update if parameters.update == "converging" else q_update_printed
     share, discount, alpha = _children_share(parameters), parameters.discount, parameters.learning_rate
@@ -168,6 +172,13 @@ def split_rewards(
         gain = gain * (count / count[0])[:, None]
     reward = split_reward(parameters.split_cost, np.round(gain, 12))
     return np.where(offered, reward, 0.0), offered
+
+
+def gain_weight(boxes: Boxes, parameters: InductionParameters) -> npt.NDArray[np.float64]:
+    """What a box's gain counts [b]: 1 as printed, or the box's share of all patterns."""
+    if parameters.objective == "printed":
+        return np.ones(len(boxes))
+    return boxes.count / boxes.count[0]
 
 
 def _children_share(parameters: InductionParameters) -> float:

@@ -18,6 +18,12 @@ from fbql_common.core.types import WheelCommand, World
 from fbql_behaviors.core.observation import Feature, Observation
 from fbql_behaviors.core.quantizer import CLASS_COUNT, wheel_class_of
 
+IMBALANCE = 1000
+"""A class that has so many times the patterns of another is worth a warning."""
+MAX_PATTERNS = 5_000_000
+PATTERN_BYTES = 250
+"""Memory that induction takes for a pattern, about [bytes]."""
+
 
 @dataclass(frozen=True)
 class Demonstration:
@@ -50,6 +56,11 @@ class Patterns:
         n = len(self.x)
         if n == 0:
             raise BadInput("no patterns: there is nothing to learn a tree from; record demonstrations first")
+        if n > MAX_PATTERNS:
+            raise BadInput(
+                f"{n} patterns, whose induction would take about {n * PATTERN_BYTES / 2**30:.1f} GiB of memory; "
+                f"at most {MAX_PATTERNS} are supported, take fewer of them"
+            )
         if self.x.shape != (n, len(self.features)):
             raise BadInput(f"patterns have shape {self.x.shape}; expected [n, {len(self.features)}] for these features")
         if self.wheel_class.shape != (n,) or self.demonstration.shape != (n,):
@@ -80,6 +91,23 @@ class Patterns:
         digest.update(np.ascontiguousarray(self.x, dtype="<f8").tobytes())
         digest.update(np.ascontiguousarray(self.wheel_class, dtype="<i8").tobytes())
         return digest.hexdigest()
+
+    def warnings(self) -> list[str]:
+        """What is odd about these patterns, though a tree can be made from them; a line each."""
+        if len(self) == 1:
+            return ["there is one pattern only: the tree will be a single leaf"]
+        _, counts = np.unique(self.wheel_class, return_counts=True)
+        if len(counts) == 1:
+            return ["all patterns are of one class: the tree will be a single leaf"]
+        found: list[str] = []
+        if counts.max() >= IMBALANCE * counts.min():
+            found.append(
+                f"the commonest class has {counts.max()} patterns, the rarest {counts.min()}: the rare ones will hardly count"
+            )
+        for column, feature in enumerate(self.features):
+            if self.x[:, column].min() == self.x[:, column].max():
+                found.append(f"feature '{feature.name}' never changes: the tree cannot use it")
+        return found
 
     def select(self, rows: npt.NDArray[np.bool_]) -> Patterns:
         """The patterns whose row is true in `rows` [n]."""

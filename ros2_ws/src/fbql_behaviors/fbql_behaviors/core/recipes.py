@@ -26,8 +26,8 @@ class Recipe:
 
 
 RECIPES = {
-    "ball_seeking": Recipe(InductionParameters(split_cost=-0.0065)),
-    "wall_avoiding": Recipe(InductionParameters(split_cost=-0.027)),
+    "ball_seeking": Recipe(InductionParameters(split_cost=-0.006)),
+    "wall_avoiding": Recipe(InductionParameters(split_cost=-0.025)),
     "approaching": Recipe(InductionParameters(split_cost=-0.0115)),
 }
 
