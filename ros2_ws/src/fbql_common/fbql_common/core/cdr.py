@@ -11,6 +11,7 @@ plain CDR, little-endian, each primitive aligned to its own size counted from th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from struct import Struct
 from struct import error as struct_error
 
@@ -146,11 +147,19 @@ def _encode_variable(kind: str, value: object, size: int) -> bytes:
         return out
     if not items:
         return out
-    code, width = _PRIMITIVES[element]
-    return out + _PADDING[-(size + len(out)) & (width - 1)] + Struct(f"<{len(items)}{code}").pack(*items)
+    width = _PRIMITIVES[element][1]
+    return out + _PADDING[-(size + len(out)) & (width - 1)] + _items(len(items), element).pack(*items)
 
 
+@lru_cache(256)
+def _items(count: int, element: str) -> Struct:
+    """A sequence's items behind one another. A message type has few lengths."""
+    return Struct(f"<{count}{_PRIMITIVES[element][0]}")
+
+
+@lru_cache(256)
 def _encode_string(value: object) -> bytes:
+    """Cached: the texts of a step (frame, names, hashes) are the same in every step."""
     if not isinstance(value, str):
         raise TypeError(f"{value!r} is not a text")
     text = value.encode()
@@ -172,9 +181,8 @@ def _decode_variable(kind: str, data: bytes, offset: int) -> tuple[object, int]:
         return tuple(texts), offset
     if not count:
         return (), offset
-    code, width = _PRIMITIVES[element]
-    offset += -(offset - 4) & (width - 1)
-    items = Struct(f"<{count}{code}")
+    offset += -(offset - 4) & (_PRIMITIVES[element][1] - 1)
+    items = _items(count, element)
     return items.unpack_from(data, offset), offset + items.size
 
 
@@ -184,4 +192,9 @@ def _decode_string(data: bytes, offset: int) -> tuple[str, int]:
     end = offset + 4 + length
     if length == 0 or end > len(data) or data[end - 1] != 0:
         raise Malformed("a text that does not end")
-    return data[offset + 4 : end - 1].decode(), end
+    return _text(data[offset + 4 : end - 1]), end
+
+
+@lru_cache(256)
+def _text(data: bytes) -> str:
+    return data.decode()
