@@ -5,6 +5,7 @@ is not there or not up to date.
 from __future__ import annotations
 
 import contextlib
+import re
 import shutil
 import signal
 import sys
@@ -32,11 +33,22 @@ CMAKE_HINT = "Install them, for example with `sudo apt install build-essential c
 
 def set_up(target: Target, purpose: str, environ: Mapping[str, str]) -> None:
     """Bring the environment to what the checkout asks for. Raises SetUpError, with everything it started ended."""
+    check_path(target.root)
     try:
         with ending_on_signals(), exclusive(target.state / "lock") as lock:
             SetUp(target, purpose, environ, lock).go()
     except OSError as error:
         raise from_os_error(error, str(target.root)) from error
+
+
+def check_path(root: Path) -> None:
+    """Raise SetUpError where the checkout's own path is one that the ROS build tools break on."""
+    odd = sorted(set(re.findall(r"[^A-Za-z0-9._+/-]", str(root))))
+    if odd:
+        raise SetUpError(
+            f"the path {root} contains {', '.join(map(repr, odd))}, on which the ROS 2 build tools break. "
+            "Move the checkout to a path of plain letters, digits and . _ + - and start again."
+        )
 
 
 class SetUp:
@@ -138,7 +150,7 @@ class SetUp:
         common += ["-r", str(requirements)]
         uv = self.uv()
         if uv is not None:
-            options = ["--python", python, "--no-build-isolation-package", SOURCE_ONLY]
+            options = ["--python", python, "--compile-bytecode", "--no-build-isolation-package", SOURCE_ONLY]
             try:
                 self.has_changed_environment = True  # unless it says that it failed before
                 self.run([uv, "pip", "install", *options, *common], self.tool_environment(), "install-uv", step)
@@ -204,14 +216,11 @@ class SetUp:
         try:
             self.run(command, environ, "build", step, cwd=self.target.workspace)
         finally:
-            for name in stale:
-                self.stamp_if_built(name, wanted[name])
-
-    def stamp_if_built(self, name: str, fingerprint: str) -> None:
-        """Stamp a package that was built to its end, which is when colcon has written the package's own script."""
-        stamp = workspace.build_stamp(self.target, name, fingerprint)
-        if stamp["built_ns"] is not None:
-            stamps.write(self.target.install / name / workspace.STAMP, stamp)
+            said = (self.logs / "build.txt").read_text(errors="replace")
+            finished = re.findall(r"^Finished <<< (\S+)", said, flags=re.MULTILINE)
+            for name in set(stale).intersection(finished):
+                stamp = workspace.build_stamp(self.target, name, wanted[name])
+                stamps.write(self.target.install / name / workspace.STAMP, stamp)
 
     def run(self, command: list[str], environ: dict[str, str], log: str, step: Step, cwd: Path | None = None) -> None:
         """Run a program of this set-up."""

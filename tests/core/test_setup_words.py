@@ -1,0 +1,57 @@
+"""What the set-up says when it cannot do its work."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+from environment.child import ChildError, explain
+from environment.errors import from_os_error
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (errno.ENOSPC, "no space left on the disk"),
+        (errno.EDQUOT, "no space left on the disk"),
+        (errno.EROFS, "/c/.setup is not writable"),
+        (errno.EACCES, "/c/.setup is not writable"),
+        (errno.EIO, "Input/output error (/c/.setup)"),
+    ],
+)
+def test_what_the_system_refuses_becomes_one_line(number: int, words: str) -> None:
+    line = str(from_os_error(OSError(number, os.strerror(number), "/c/.setup"), "/c"))
+    assert words in line
+    assert "\n" not in line
+
+
+@pytest.mark.parametrize(
+    ("output", "words"),
+    [
+        (
+            "WARNING: Retrying ... Failed to establish a new connection: [Errno 111]\nERROR: No matching",
+            "package index",
+        ),
+        ("error: Request failed: dns error: failed to lookup address", "package index"),
+        ("cc1: fatal error: error writing to /tmp/x.s: No space left on device", "no space left"),
+    ],
+)
+def test_an_outside_reason_is_recognised_in_what_a_program_wrote(output: str, words: str, tmp_path: Path) -> None:
+    error = explain(ChildError(["pip"], 1, output, tmp_path / "log"), "installing", tmp_path)
+    assert words in str(error)
+    assert error.details == ""
+
+
+def test_any_other_failure_shows_the_end_of_what_the_failed_package_wrote(tmp_path: Path) -> None:
+    output = (
+        "--- stderr: good\nwarning: x\n---\nFinished <<< good [1s]\n"
+        "--- stderr: bad\nmsg/A.msg:1: syntax\n---\nFailed   <<< bad [0.1s, exited with code 1]\n\nSummary: 1 failed\n"
+    )
+    error = explain(ChildError(["colcon"], 1, output, tmp_path / "log"), "building good, bad", tmp_path)
+    assert error.details == "msg/A.msg:1: syntax"
+    assert "building good, bad failed" in str(error)
+    assert str(tmp_path / "log") in str(error)
