@@ -418,6 +418,32 @@ def test_from_a_missing_answer_on_nothing_of_the_episode_is_learned():
     assert (2, 1, 1) in learned(session)
 
 
+def test_an_episode_begun_again_keeps_its_number_and_seed_and_is_degraded():
+    session = Session(FusionParameters(controller="fbql_literal", guided=0))
+    begun = session.next_episode()
+    assert session.restart_episode() == begun
+    for step in range(3):
+        session.decide(world(0, step, collision_begun=True), answers(step, 0, 0))
+    rows = learned(session)
+    assert len(rows) == 2
+    assert session.restart_episode() == begun
+    for step in range(2):
+        session.decide(world(0, step, **(GOAL if step == 1 else {})), answers(step, 1, 1))
+    assert learned(session) == rows
+    record = session.records[0]
+    assert (record.degraded, record.steps, record.collisions_begun, record.return_) == (True, 1, 0, 10.0)
+    assert session.steps == 3
+
+
+def test_only_an_episode_under_way_is_begun_again():
+    session = Session(FusionParameters())
+    with pytest.raises(ValueError, match="no episode is under way"):
+        session.restart_episode()
+    play(session)
+    with pytest.raises(ValueError, match="no episode is under way"):
+        session.restart_episode()
+
+
 @pytest.mark.parametrize(("gap", "learned_leaves"), [([0, 1, 3, 4, 5], [0]), ([2, 3, 4], [])])
 def test_across_a_gap_and_after_it_nothing_is_learned(gap: Sequence[int], learned_leaves):
     session = Session(FusionParameters(controller="fbql_literal", guided=0))
