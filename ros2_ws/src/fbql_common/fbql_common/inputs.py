@@ -19,6 +19,8 @@ from fbql_common.wire import MESSAGES, Rejected, type_name
 T = TypeVar("T")
 
 WARN_PERIOD_S = 1.0
+_UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
+"""rmw's name for a publisher whose node is not discovered yet."""
 
 
 class Input[T]:
@@ -86,18 +88,23 @@ class Input[T]:
         return self._subscription.get_publisher_count()
 
     def check_types(self) -> None:
-        """Logs an ERROR, once, for each publisher of another type: DDS keeps such a mismatch silent."""
+        """Logs an ERROR, once, for each other type that is published here: DDS keeps such a mismatch silent."""
         for info in self._node.get_publishers_info_by_topic(self.topic):
             if info.topic_type != self._type_name:
+                who = "somebody" if info.node_name == _UNKNOWN_NODE else f"node '{info.node_name}'"
                 self._mismatch(
-                    f"{self.topic}: node '{info.node_name}' publishes {info.topic_type}, expected {self._type_name}"
+                    info.topic_type,
+                    f"{self.topic}: {who} publishes {info.topic_type}, expected {self._type_name}; "
+                    "nothing of it will arrive",
                 )
 
     def _on_incompatible_qos(self, event: Any) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
-        self._mismatch(f"{self.topic}: a publisher's QoS is incompatible in {policy}; nothing of it will arrive")
+        self._mismatch(
+            policy, f"{self.topic}: a publisher's QoS is incompatible in {policy}; nothing of it will arrive"
+        )
 
-    def _mismatch(self, text: str) -> None:
-        if text not in self._mismatches:
-            self._mismatches.add(text)
+    def _mismatch(self, what: str, text: str) -> None:
+        if what not in self._mismatches:
+            self._mismatches.add(what)
             self._node.get_logger().error(text)

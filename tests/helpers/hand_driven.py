@@ -1,0 +1,217 @@
+"""Nodes of one process, driven by hand: a bench that spins them, and partners that do what a test tells them.
+
+No test sleeps: `Bench.until` spins until something is so, for a bounded time, and says what it waited for.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from time import monotonic
+from typing import Any
+
+import pytest
+import rclpy
+from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from fbql_common.spin import GraphNode
+from fbql_common.topics import RESET_EPISODE, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
+from fbql_common.wire import (
+    MESSAGES,
+    decode_command,
+    decode_decision,
+    decode_output,
+    decode_world,
+    encode_output,
+    encode_world,
+)
+from fbql_msgs.srv import ResetEpisode
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+PATIENCE_S = 10.0
+BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
+DECODE = {World: decode_world, BehaviorOutput: decode_output, WheelCommand: decode_command, Decision: decode_decision}
+STEP_NS = 16_666_667
+HASHES = ("aa" * 32, "bb" * 32, "cc" * 32)
+
+
+def world_at(episode: int, step: int, stamp_ns: int | None = None, **fields: Any) -> World:
+    """A world state in which the robot stands free, looking at the ball."""
+    stamp_ns = (step + 1) * STEP_NS if stamp_ns is None else stamp_ns
+    pose = (-0.5, 0.0, 0.0, 0.0, 0.0, 0.5, 0.1, 0.0, 0.0, -0.5, 0.9, -1.5)
+    return World(stamp_ns, episode, step, *pose, *[False] * 6)._replace(**fields)
+
+
+def output_to(world: World, index: int, **fields: Any) -> BehaviorOutput:
+    """The answer of behavior `index`, in leaf `index`, to a world state."""
+    left, right = 10.0 * (index + 1), -2.0 * (index + 1)
+    return BehaviorOutput(
+        *world[:3], BEHAVIORS[index], left, right, index, 5, HASHES[index], False, (0.5, 0.25)
+    )._replace(**fields)
+
+
+class Participant:
+    """A context in a domain, with its executor."""
+
+    def __init__(self, environment: Mapping[str, str]) -> None:
+        self.context = rclpy.Context()
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in environment.items():
+                patch.setenv(name, value)
+            rclpy.init(args=[], context=self.context, signal_handler_options=SignalHandlerOptions.NO)
+            # The middleware looks at the environment when the first node is made.
+            self._anchor = Node("anchor", context=self.context, use_global_arguments=False, enable_rosout=False)
+        self.executor = EventsExecutor(context=self.context)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self._anchor.destroy_node()
+        self.context.try_shutdown()
+
+
+class Bench:
+    """One test's nodes, in a namespace of their own, spun by hand."""
+
+    _numbers = itertools.count()
+
+    def __init__(self, participant: Participant, capfd: pytest.CaptureFixture[str]) -> None:
+        self.namespace = f"/bench{next(self._numbers)}"
+        self.log = ""
+        self._participant = participant
+        self._capfd = capfd
+        self._nodes: list[Node] = []
+
+    def add(self, make: Callable[..., Any], *arguments: Any, **parameters: Any) -> Any:
+        """Makes a node with these parameters and spins it from now on."""
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        node = make(
+            *arguments,
+            context=self._participant.context,
+            namespace=self.namespace,
+            use_global_arguments=False,
+            parameter_overrides=overrides,
+        )
+        self._participant.executor.add_node(node)
+        self._nodes.append(node)
+        return node
+
+    def remove(self, node: Node) -> None:
+        """Ends a node as its process would."""
+        if isinstance(node, GraphNode):
+            node.close()
+        self._nodes.remove(node)
+        self._participant.executor.remove_node(node)
+        node.destroy_node()
+
+    def until(self, is_so: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> None:
+        """Spins until `is_so()`. Fails when it is not within `timeout_s`."""
+        deadline = monotonic() + timeout_s
+        while not is_so():
+            if monotonic() > deadline:
+                pytest.fail(f"waited {timeout_s:g} s for {what}; log:\n{self.said()}")
+            self._participant.executor.spin_once(timeout_sec=0.02)
+
+    def until_said(self, text: str, times: int = 1) -> None:
+        """Spins until the nodes have logged a text so often."""
+        self.until(lambda: self.said().count(text) >= times, f"the log to say '{text}'")
+
+    def said(self) -> str:
+        """Everything that was logged so far."""
+        self.log += self._capfd.readouterr().err
+        return self.log
+
+    def call(self, node: Node, kind: type[Any], service: str, **fields: Any) -> Any:
+        """Calls a service and gives its answer."""
+        client = node.create_client(kind, service)
+        self.until(client.service_is_ready, f"service {service}")
+        answer = client.call_async(kind.Request(**fields))
+        self.until(answer.done, f"an answer of {service}")
+        return answer.result()
+
+    def close(self) -> None:
+        for node in list(self._nodes):
+            self.remove(node)
+
+
+class Heard(list[Any]):
+    """The values that came on a topic, and their bytes in `data`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.data: list[bytes] = []
+
+
+def listen(node: Node, kind: type[Any], topic: str) -> Heard:
+    """Keeps what comes on a topic, in order."""
+    heard = Heard()
+
+    def keep(data: bytes) -> None:
+        heard.data.append(data)
+        heard.append(DECODE[kind](data))
+
+    node.create_subscription(MESSAGES[kind], topic, keep, STEP_QOS, raw=True)
+    return heard
+
+
+class Partner(Node):
+    """A node of the test."""
+
+    def __init__(self, name: str = "partner", **options: Any) -> None:
+        super().__init__(name, **options)
+
+
+class FakeSimulator(Node):
+    """Publishes the world states it is told to, grants episodes, keeps the commands.
+
+    A granted episode begins with a world state of step 0 at once. `stamp_ns` is that of the last world state.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("simulator", **options)
+        self.commands = listen(self, WheelCommand, WHEEL_COMMAND)
+        self.granted: list[tuple[int, int]] = []
+        self.refusal = ""
+        self.stamp_ns = 0
+        self.publisher = self.create_publisher(MESSAGES[World], WORLD, STEP_QOS)
+        self.create_service(ResetEpisode, RESET_EPISODE, self._on_reset)
+
+    def _on_reset(self, request: ResetEpisode.Request, response: ResetEpisode.Response) -> ResetEpisode.Response:
+        response.success, response.message = not self.refusal, self.refusal
+        if not self.refusal:
+            self.granted.append((request.episode, request.seed))
+            self.show(request.episode, 0)
+        return response
+
+    def show(self, episode: int, step: int, **fields: Any) -> World:
+        """Publishes the next world state."""
+        self.stamp_ns += STEP_NS
+        return self.show_again(world_at(episode, step, self.stamp_ns, **fields))
+
+    def show_again(self, world: World) -> World:
+        """Publishes a world state as it is."""
+        self.publisher.publish(encode_world(world))
+        return world
+
+
+class FakeBehavior(Node):
+    """Answers every world state, unless `silent`; keeps the world states."""
+
+    def __init__(self, index: int, **options: Any) -> None:
+        super().__init__(BEHAVIORS[index], **options)
+        self.index = index
+        self.silent = False
+        self.fields: dict[str, Any] = {}
+        self.worlds: list[World] = []
+        self.publisher = self.create_publisher(MESSAGES[BehaviorOutput], behavior_topic(BEHAVIORS[index]), STEP_QOS)
+        self.create_subscription(MESSAGES[World], WORLD, self._on_world, STEP_QOS, raw=True)
+
+    def _on_world(self, data: bytes) -> None:
+        self.worlds.append(decode_world(data))
+        if not self.silent:
+            self.answer(self.worlds[-1])
+
+    def answer(self, world: World) -> None:
+        """Publishes the answer to a world state."""
+        self.publisher.publish(encode_output(output_to(world, self.index, **self.fields)))
