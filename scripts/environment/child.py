@@ -62,10 +62,15 @@ def explain(failure: ChildError, doing: str, root: Path) -> SetUpError:
 
 
 def failed_part(output: str) -> str:
-    """What colcon shows of the package that failed, which need not be the last; else all of the output."""
+    """What colcon shows of the package that failed, which need not be the last; else all of the output.
+
+    When a setup.py raises, colcon breaks down over it, with a traceback of its own; what matters is said before that.
+    """
     failed = re.search(r"^Failed +<<< (\S+)", output, flags=re.MULTILINE)
     if failed:
         shown = re.search(rf"^--- stderr: {re.escape(failed[1])}\n(.*?)^---$", output, flags=re.MULTILINE | re.DOTALL)
+        if shown and "/colcon_core/" in shown[1]:
+            return output[: shown.start()]
         if shown:
             return shown[1]
     return output

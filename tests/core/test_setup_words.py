@@ -46,6 +46,15 @@ def test_an_outside_reason_is_recognised_in_what_a_program_wrote(output: str, wo
     assert error.details == ""
 
 
+def test_when_colcon_breaks_down_over_a_setup_py_its_own_traceback_is_left_out(tmp_path: Path) -> None:
+    output = (
+        "Traceback (most recent call last):\nValueError: no such version\n--- stderr: bad\n"
+        'File "/site-packages/colcon_core/executor.py", line 1\n---\nFailed   <<< bad [0.1s, exited with code 1]\n'
+    )
+    error = explain(ChildError(["colcon"], 1, output, tmp_path / "log"), "building bad", tmp_path)
+    assert error.details.splitlines()[-1] == "ValueError: no such version"
+
+
 def test_any_other_failure_shows_the_end_of_what_the_failed_package_wrote(tmp_path: Path) -> None:
     output = (
         "--- stderr: good\nwarning: x\n---\nFinished <<< good [1s]\n"

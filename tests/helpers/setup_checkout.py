@@ -24,7 +24,7 @@ KEPT_FOR_TESTS = re.compile(r"(iniconfig|pluggy|pygments|pytest)==")
 
 PACKAGE_XML = """<?xml version="1.0"?>
 <package format="3">
-  <name>speaker</name>
+  <name>{name}</name>
   <version>0.1.0</version>
   <description>Says what it is told.</description>
   <maintainer email="nobody@fbql.invalid">nobody</maintainer>
@@ -34,17 +34,17 @@ PACKAGE_XML = """<?xml version="1.0"?>
 """
 SETUP_PY = """from setuptools import find_packages, setup
 setup(
-    name="speaker",
+    name="{name}",
     version="0.1.0",
     packages=find_packages(),
     data_files=[
-        ("share/ament_index/resource_index/packages", ["resource/speaker"]),
-        ("share/speaker", ["package.xml"]),
+        ("share/ament_index/resource_index/packages", ["resource/{name}"]),
+        ("share/{name}", ["package.xml"]),
     ],
-    entry_points={"console_scripts": ["speak = speaker.speak:main"]},
+    entry_points={{"console_scripts": ["speak = {name}.speak:main"]}},
 )
 """
-SETUP_CFG = "[develop]\nscript_dir=$base/lib/speaker\n[install]\ninstall_scripts=$base/lib/speaker\n"
+SETUP_CFG = "[develop]\nscript_dir=$base/lib/{name}\n[install]\ninstall_scripts=$base/lib/{name}\n"
 SPEAK = """import sys
 def main():
     print("speaks", *sys.argv[1:])
@@ -70,19 +70,24 @@ def make_checkout(place: Path) -> Path:
     assert run.count("==") > 20, "the lock is not what this expects"
     (place / "requirements.txt").write_text(run)
     (place / "requirements-test.txt").write_text(run + "".join(e for e in entries if KEPT_FOR_TESTS.match(e)))
-    package = place / "ros2_ws" / "src" / "speaker"
-    files = {
-        "package.xml": PACKAGE_XML,
-        "setup.py": SETUP_PY,
-        "setup.cfg": SETUP_CFG,
-        "resource/speaker": "",
-        "speaker/__init__.py": "",
-        "speaker/speak.py": SPEAK,
-    }
-    for name, text in files.items():
-        (package / name).parent.mkdir(parents=True, exist_ok=True)
-        (package / name).write_text(text)
+    write_package(place / "ros2_ws" / "src" / "speaker")
     return place
+
+
+def write_package(place: Path) -> None:
+    """A package named as the directory `place`, with one executable."""
+    name = place.name
+    files = {
+        "package.xml": PACKAGE_XML.format(name=name),
+        "setup.py": SETUP_PY.format(name=name),
+        "setup.cfg": SETUP_CFG.format(name=name),
+        f"resource/{name}": "",
+        f"{name}/__init__.py": "",
+        f"{name}/speak.py": SPEAK,
+    }
+    for path, text in files.items():
+        (place / path).parent.mkdir(parents=True, exist_ok=True)
+        (place / path).write_text(text)
 
 
 def fresh_environment(**changes: str) -> dict[str, str]:
