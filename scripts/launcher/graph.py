@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -13,7 +12,6 @@ from ament_index_python.packages import get_package_prefix
 from fbql_common.core.errors import BadInput
 
 from launcher.options import Match
-from launcher.processes import NodeProcess, start
 
 LOCKSTEP_TIMEOUT_S = 10.0
 """How long a step may take in a supervised graph before the run ends, naming who is missing [s]."""
@@ -35,7 +33,7 @@ def node_names(match: Match) -> list[str]:
 
 
 def write_parameters(match: Match, mode: Mode) -> Path:
-    """Writes the parameters of every node as a ROS parameter file."""
+    """Writes the parameters of every node as a ROS parameter file. Raises BadInput where that can't be done."""
     path = match.out / "log" / "parameters.yaml"
     nodes: dict[str, dict[str, Any]] = {
         "simulator": {
@@ -59,27 +57,30 @@ def write_parameters(match: Match, mode: Mode) -> Path:
     for name, tree_file in match.behaviors.items():
         nodes[name] = {"tree_file": str(tree_file)}
     document = {f"/{name}": {"ros__parameters": parameters} for name, parameters in nodes.items()}
-    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    try:
+        path.write_text(yaml.safe_dump(document, sort_keys=False))
+    except OSError as error:
+        raise BadInput(f"{path}: can't be written ({error.strerror}); choose another place for the run") from None
     return path
 
 
-def start_graph(match: Match, mode: Mode, parameters: Path, environment: dict[str, str]) -> list[NodeProcess]:
-    """Starts the processes of the graph, each with its output in the run's log/. The last one holds the fusion node."""
+def commands(match: Match, mode: Mode, parameters: Path) -> dict[str, list[str]]:
+    """The command line of each process of the graph; the last one holds the fusion node.
+
+    Raises:
+        BadInput: an executable is not there.
+    """
     ros = ["--ros-args", "--params-file", str(parameters)]
-    log = match.out / "log"
     if mode.processes == "one":
-        command = [sys.executable, "-m", "launcher.one_process", *match.behaviors, *ros]
-        scripts = str(Path(__file__).resolve().parents[1])
-        path = os.pathsep.join([scripts, environment.get("PYTHONPATH", "")])
-        return [start("graph", command, {**environment, "PYTHONPATH": path}, log)]
-    commands = {"simulator": [executable("fbql_sim", "simulator"), *ros]}
+        program = str(Path(__file__).with_name("one_process.py"))
+        return {"graph": [sys.executable, "-P", program, *match.behaviors, *ros]}
+    result = {"simulator": [executable("fbql_sim", "simulator"), *ros]}
     for name in match.behaviors:
         own = executable("fbql_behaviors", name, required=False)
-        commands[name] = [own or executable("fbql_behaviors", "behavior"), *ros]
+        result[name] = [own or executable("fbql_behaviors", "behavior"), *ros]
         if not own:
-            commands[name] += ["-r", f"__node:={name}", "-p", f"name:={name}"]
-    commands["fusion"] = [executable("fbql_fusion", "fusion"), *ros]
-    return [start(name, command, environment, log) for name, command in commands.items()]
+            result[name] += ["-r", f"__node:={name}", "-p", f"name:={name}"]
+    return {**result, "fusion": [executable("fbql_fusion", "fusion"), *ros]}
 
 
 def executable(package: str, name: str, required: bool = True) -> str:

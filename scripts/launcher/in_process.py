@@ -3,13 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.core.observation import OBSERVATIONS
+from fbql_behaviors.storage import load_tree
+from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_fusion.core.session import Session
+from fbql_fusion.policy_storage import load_policy
 from fbql_sim.core.world_loop import WorldLoop
 
+from launcher.options import Match
+
 StepObserver = Callable[[World, Sequence[BehaviorOutput], WheelCommand, Decision], None]
+
+
+class Parts(NamedTuple):
+    """What a match is made of."""
+
+    session: Session
+    loop: WorldLoop
+    behaviors: list[Behavior]
+    """In the order of the session's."""
+
+
+def parts_of(match: Match) -> Parts:
+    """Loads the trees and the policy of a match, and makes what plays it.
+
+    Raises:
+        BadInput: a file or a parameter that can't be used, or a policy of another controller, behaviors or trees.
+    """
+    behaviors: list[Behavior] = []
+    for name, path in match.behaviors.items():
+        tree = load_tree(path)
+        if name in OBSERVATIONS and tree.behavior != name:
+            raise BadInput(f"{path}: a tree of behavior '{tree.behavior}', not of '{name}'; use the right file")
+        behaviors.append(Behavior(name, tree))
+    session = Session(match.fusion, None if match.policy is None else load_policy(match.policy))
+    return Parts(session, WorldLoop(match.simulation), behaviors)
+
+
+def rehearse(match: Match) -> None:
+    """Plays the first step, so that whatever does not fit together shows before anything is begun. Raises BadInput."""
+    session, loop, behaviors = parts_of(match)
+    begun = session.next_episode()
+    assert begun is not None
+    world = loop.reset(*begun)
+    session.decide(world, [behavior.answer(world) for behavior in behaviors])
 
 
 def play(

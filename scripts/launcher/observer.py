@@ -24,7 +24,6 @@ class Observer:
         self._node = rclpy.create_node("bringup", context=self._context, use_global_arguments=False)
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._never: Future = Future()
         self.status: dict[str, str] = {}
         self._node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, POSE_QOS)
 
@@ -37,11 +36,16 @@ class Observer:
         """Takes in what comes for this long."""
         deadline = monotonic() + duration_s
         while (left_s := deadline - monotonic()) > 0:
-            self._executor.spin_until_future_complete(self._never, timeout_sec=left_s)
+            # A future of its own: the executor leaves a callback in it each time.
+            self._executor.spin_until_future_complete(Future(), timeout_sec=left_s)
 
     def nodes(self) -> list[str]:
-        """Names of all other nodes in the domain."""
-        return [name for name in self._node.get_node_names() if name != self._node.get_name()]
+        """Names of the other nodes in the domain that have no namespace, as ours have none."""
+        return [
+            name
+            for name, namespace in self._node.get_node_names_and_namespaces()
+            if namespace == "/" and name != self._node.get_name()
+        ]
 
     def missing(self, nodes: Sequence[str], behaviors: Sequence[str]) -> list[str]:
         """What the graph still lacks, in words."""

@@ -1,4 +1,4 @@
-"""The whole graph in one process: the same nodes, one executor. `python -m launcher.one_process BEHAVIOR... --ros-args ...`"""
+"""The whole graph in one process: the same nodes, one executor. `python one_process.py BEHAVIOR... --ros-args ...`"""
 
 from __future__ import annotations
 

@@ -11,11 +11,13 @@ from typing import Any, NoReturn
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, types_of
 from fbql_fusion.core.parameters import CONTROLLERS, PRESETS, FusionParameters, check_fusion
+from fbql_fusion.run_directory import create_run_directory
 from fbql_sim.core.parameters import SimulationParameters
 
 ROOT = Path(__file__).resolve().parents[2]
 RUNS = ROOT / "runs"
 DEFAULT_GOALS = 10
+RESERVED_NAMES = {"simulator", "fusion", "bringup"}
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,8 @@ def match_from(arguments: argparse.Namespace, program: str) -> Match:
         _add_setting(setting, values, simulation, program)
     fusion = from_mapping(FusionParameters, values, program)
     check_fusion(fusion, program)
+    for name in RESERVED_NAMES & set(fusion.behaviors):
+        raise BadInput(f"{program}: parameter 'behaviors' has '{name}', which is the name of another node")
     return Match(
         fusion=fusion,
         simulation=from_mapping(SimulationParameters, simulation, program),
@@ -163,7 +167,20 @@ def _existing(path: Path | None, program: str) -> Path | None:
 def _out(out: Path | None, fusion: FusionParameters) -> Path:
     if out is not None:
         return out.absolute()
-    RUNS.mkdir(exist_ok=True)
     stem = f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"
     names = (stem if count == 0 else f"{stem}-{count}" for count in range(1000))
     return next(RUNS / name for name in names if not (RUNS / name).exists())
+
+
+def make_run_directory(path: Path) -> None:
+    """Makes the run directory, and for one in runs/ of this checkout that directory as well.
+
+    Raises:
+        BadInput: it exists, or can't be made.
+    """
+    if path.parent == RUNS:
+        try:
+            RUNS.mkdir(exist_ok=True)
+        except OSError as error:
+            raise BadInput(f"{RUNS}: can't be made ({error.strerror}); name a run directory with --out") from None
+    create_run_directory(path)

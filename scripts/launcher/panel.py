@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-import shutil
+import os
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
+from errno import EIO, EPIPE
 from time import monotonic
 from typing import TextIO
 
 _TERMINAL_PERIOD_S = 0.1
 _LOG_PERIOD_S = 10.0
+_UNKNOWN_WIDTH = 80
 
 
 class Panel:
-    """Shows the progress of a match on stderr, so that stdout stays the result's."""
+    """Shows the progress of a match on stderr, so that stdout stays the result's.
+
+    A terminal that is gone, or a pipe that nobody reads any more, is no reason to lose a match: nothing is shown then.
+    """
 
     def __init__(self, stream: TextIO = sys.stderr) -> None:
         self._stream = stream
@@ -27,33 +33,71 @@ class Panel:
         if now - self._shown_s < (_TERMINAL_PERIOD_S if self._terminal else _LOG_PERIOD_S):
             return
         self._shown_s = now
-        text = status_line(status)
         if self._terminal:
-            width = shutil.get_terminal_size().columns - 1
-            self._stream.write("\r" + text[:width].ljust(width))
+            # A character in the last column would wrap on some terminals.
+            width = self._width() - 1
+            self._write("\r" + status_line(status, width).ljust(width))
             self._open = True
         else:
-            self._stream.write(text + "\n")
-        self._stream.flush()
+            self._write(status_line(status) + "\n")
 
     def say(self, text: str) -> None:
         """Prints a line of its own."""
         self.close()
-        print(text, file=self._stream, flush=True)
+        self._write(text + "\n")
 
     def close(self) -> None:
         """Leaves the live line standing and goes below it."""
         if self._open:
-            self._stream.write("\n")
-            self._stream.flush()
             self._open = False
+            self._write("\n")
+
+    def _write(self, text: str) -> None:
+        try:
+            self._stream.write(text)
+            self._stream.flush()
+        except OSError:
+            _silence(self._stream)
+
+    def _width(self) -> int:
+        with suppress(OSError):
+            return os.get_terminal_size(self._stream.fileno()).columns or _UNKNOWN_WIDTH
+        return _UNKNOWN_WIDTH
 
 
-def status_line(status: Mapping[str, str]) -> str:
-    """One line from the fields of a status (those of fbql_fusion.status)."""
-    score = f"{status['goals']} goals, {status['own_goals']} own goals, {status['timeouts']} timeouts"
-    weights = f" · weights {status['weights']}" if status["weights"] else ""
-    return (
-        f"episode {status['episode']} ({status['phase']}) · step {status['step']} · {score} · "
-        f"{status['steps_per_s']} steps/s{weights}"
-    )
+def status_line(status: Mapping[str, str], width: int | None = None) -> str:
+    """One line from the fields of a status (those of fbql_fusion.status), in the longest form that fits."""
+    names, weights = status["weights"].split()[::2], status["weights"].split()[1::2]
+    named = " ".join(f"{name} {weight}" for name, weight in zip(names, weights, strict=True))
+    episode, step, rate = f"episode {status['episode']}", f"step {status['step']}", f"{status['steps_per_s']} steps/s"
+    goals, own_goals, timeouts = status["goals"], status["own_goals"], status["timeouts"]
+    forms = [
+        [
+            f"{episode} ({status['phase']})",
+            step,
+            f"{goals} goals, {own_goals} own goals, {timeouts} timeouts",
+            rate,
+            f"weights {named}",
+        ],
+        [episode, f"{goals} goals, {own_goals} own, {timeouts} timeouts", rate, named],
+        [episode, f"{goals} goals, {own_goals} own, {timeouts} timeouts", rate, " ".join(weights)],
+    ]
+    lines = [" · ".join(part for part in form if part.removeprefix("weights ")) for form in forms]
+    return next((line for line in lines if width is None or len(line) <= width), lines[-1][:width])
+
+
+def print_result(text: str) -> None:
+    """Prints on stdout. A reader that left (`| head`, a closed terminal) is no error; raises OSError for others."""
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        _silence(sys.stdout)
+        if error.errno not in (EPIPE, EIO):
+            raise
+
+
+def _silence(stream: TextIO) -> None:
+    """What is still buffered must not fail once more when Python ends: that would change the exit code."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, stream.fileno())
+    os.close(null)

@@ -8,7 +8,7 @@ import os
 import signal
 import subprocess
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, sleep
 
@@ -26,7 +26,6 @@ class NodeProcess:
     name: str
     popen: subprocess.Popen[bytes]
     log_file: Path
-    asked_to_stop: bool = field(default=False)
 
     @property
     def exit_code(self) -> int | None:
@@ -35,7 +34,6 @@ class NodeProcess:
 
     def send(self, number: signal.Signals) -> None:
         """Signals its whole process group. A process that is gone is no error."""
-        self.asked_to_stop = True
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.popen.pid, number)
 
@@ -44,11 +42,19 @@ class NodeProcess:
         lines = self.log_file.read_text(errors="replace").splitlines()
         return "\n".join(lines[-_TAIL_LINES:])
 
+    def errors(self) -> list[str]:
+        """What it logged as an error."""
+        lines = self.log_file.read_text(errors="replace").splitlines()
+        return [line.partition("]: ")[2] for line in lines if line.startswith("[ERROR]")]
+
 
 def start(name: str, command: Sequence[str], environment: dict[str, str], log_directory: Path) -> NodeProcess:
     """Starts a process that leads a session of its own and gets SIGTERM when the launcher dies, however it dies.
 
     Must be called from the main thread: the kernel binds the child to the thread that made it.
+
+    Raises:
+        OSError: it can't be started, or its output can't be kept.
     """
     log_file = log_directory / f"{name}.log"
     launcher = os.getpid()

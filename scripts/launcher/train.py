@@ -8,18 +8,14 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from time import monotonic
 
-from fbql_behaviors.core.behavior import Behavior
-from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import Phase
 from fbql_fusion.core.session import Session
-from fbql_fusion.policy_storage import load_policy
-from fbql_fusion.run_directory import RunDirectory, create_run_directory, git_revision, software_versions
-from fbql_sim.core.world_loop import WorldLoop
+from fbql_fusion.run_directory import RunDirectory, git_revision, software_versions
 
-from launcher.in_process import play
+from launcher.in_process import parts_of, play, rehearse
 from launcher.interrupts import Interrupts
-from launcher.options import ROOT, Match, match_from, match_parser
+from launcher.options import ROOT, Match, make_run_directory, match_from, match_parser
 from launcher.panel import Panel
 from launcher.result import summary_text
 
@@ -34,10 +30,9 @@ def main(argv: Sequence[str]) -> int:
     arguments = parser.parse_args(list(argv))
     try:
         match = match_from(arguments, PROGRAM)
-        session = Session(match.fusion, None if match.policy is None else load_policy(match.policy))
-        behaviors = [Behavior(name, load_tree(path)) for name, path in match.behaviors.items()]
-        loop = WorldLoop(match.simulation)
-        create_run_directory(match.out)
+        rehearse(match)
+        session, loop, behaviors = parts_of(match)
+        make_run_directory(match.out)
         run = RunDirectory(match.out, _config(match), list(match.behaviors.values()), _report)
     except BadInput as error:
         print(error, file=sys.stderr)

@@ -24,6 +24,8 @@ def test_defaults_are_valid_and_every_parameter_is_described():
         ({"seed": -1}, "'seed'"),
         ({"learn": 1}, "'learn'"),
         ({"behaviors": []}, "'behaviors' is empty"),
+        ({"behaviors": ["ball_seeking", "wall-avoiding"]}, "'wall-avoiding', which can't be a topic's name"),
+        ({"episodes": 2**63}, "'episodes'"),
         ({"behaviors": ["ball_seeking", "ball_seeking"]}, "'ball_seeking' twice"),
         ({"layers": ["ball_seeking", "ball_seeking"]}, "'ball_seeking' twice"),
         ({"layers": ["dribbling"]}, "names none of the behaviors"),

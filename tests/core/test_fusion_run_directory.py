@@ -85,9 +85,9 @@ def test_summary_has_exactly_its_keys_and_null_where_there_is_nothing(run):
 
 def test_config_and_trees_are_kept_with_the_run(tmp_path):
     (tmp_path / "wall_avoiding.json").write_text("{}")
-    create_run_directory(tmp_path / "deep" / "run")
+    create_run_directory(tmp_path / "run")
     config = {"parameters": {"fusion": {"seed": 3, "behaviors": ["a", "b"]}}, "versions": software_versions()}
-    run = RunDirectory(tmp_path / "deep" / "run", config, [tmp_path / "wall_avoiding.json"], Reports())
+    run = RunDirectory(tmp_path / "run", config, [tmp_path / "wall_avoiding.json"], Reports())
     assert yaml.safe_load((run.path / "config.yaml").read_text()) == config
     assert (run.path / "trees/wall_avoiding.json").read_text() == "{}"
     assert (run.path / "log").is_dir()
@@ -118,8 +118,10 @@ def test_a_run_directory_is_never_overwritten(tmp_path, kind):
 
 def test_a_place_that_cannot_be_written_is_refused_before_the_start(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(BadInput, match="Not a directory"):
-        create_run_directory(tmp_path / "file" / "run")
+    for parent in ("file", "missing"):
+        with pytest.raises(BadInput, match=f"there is no directory {tmp_path / parent};"):
+            create_run_directory(tmp_path / parent / "run")
+    assert not (tmp_path / "missing").exists()
     with pytest.raises(BadInput, match=r"Read-only file system|No such file|Permission denied|not permitted"):
         create_run_directory(Path("/proc/fbql_run"))
 

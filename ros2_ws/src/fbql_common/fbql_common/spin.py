@@ -71,7 +71,7 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
     """
     signals = _Signals()
     try:
-        _refuse_security()
+        refuse_security()
         _writable_log_directory()
         rclpy.init(args=list(sys.argv if args is None else args), signal_handler_options=SignalHandlerOptions.NO)
     except BadInput as error:
@@ -109,7 +109,8 @@ def _spin(executor: EventsExecutor, nodes: Sequence[GraphNode], signals: _Signal
     return max((node.finished.result() for node in nodes if node.finished.done()), default=DONE)
 
 
-def _refuse_security() -> None:
+def refuse_security() -> None:
+    """Raises BadInput where DDS-Security is asked for: it is not to be had here, and nothing else would say so."""
     if os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true":
         raise BadInput(
             "ROS_SECURITY_ENABLE is true, but this Fast DDS is built without DDS-Security and would run unsecured; "

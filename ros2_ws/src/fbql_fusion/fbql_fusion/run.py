@@ -138,7 +138,12 @@ def _directory(parameters: FusionNodeParameters, session: Session) -> Path:
             create_run_directory(path)
         return path
     fusion = session.parameters
-    path = Path.cwd() / "runs" / f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"
+    runs = Path.cwd() / "runs"
+    try:
+        runs.mkdir(exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{runs}: can't be made ({error.strerror}); set the parameter run_directory") from None
+    path = runs / f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"
     create_run_directory(path)
     return path
 

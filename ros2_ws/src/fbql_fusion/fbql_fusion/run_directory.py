@@ -31,6 +31,8 @@ from fbql_fusion.core.policy import Policy
 from fbql_fusion.policy_storage import save_policy
 
 EPISODE_COLUMNS = ("index", "phase", "seed", "outcome", "steps", "collisions_begun", "collision_steps", "return")
+ROOM_BYTES = 16 * 1024
+"""Kept free for the summary, so that even on a full disk a run can say that it is incomplete."""
 _PACKAGES = ("numpy", "pymunk", "mcap", "ros-jazzy-rclpy")
 
 
@@ -38,15 +40,20 @@ def create_run_directory(path: Path) -> None:
     """Makes runs/<name>/ with trees/ and log/.
 
     Raises:
-        BadInput: it exists, its parent can't be made, or nothing can be written there.
+        BadInput: it exists, its parent does not, or nothing can be written there.
     """
     if path.exists() or path.is_symlink():
         raise BadInput(f"{path} exists; a run is never overwritten, choose another directory")
+    if not path.parent.is_dir():
+        raise BadInput(f"{path}: there is no directory {path.parent}; make it, or choose another place")
+    made: list[Path] = []
     try:
-        path.mkdir(parents=True)
-        (path / "trees").mkdir()
-        (path / "log").mkdir()
+        for directory in (path, path / "trees", path / "log"):
+            directory.mkdir()
+            made.append(directory)
     except OSError as error:
+        for directory in reversed(made):
+            directory.rmdir()
         raise BadInput(f"{path}: can't make the run directory ({error.strerror}); choose another place") from None
 
 
@@ -82,6 +89,8 @@ class RunDirectory:
             write_atomically(path / "config.yaml", to_yaml(dict(config)).encode())
             self._episodes = os.open(path / "episodes.csv", os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
             self._append(",".join(EPISODE_COLUMNS) + "\n")
+            self._room = path / ".room_for_the_summary"
+            self._room.write_bytes(bytes(ROOM_BYTES))
         except OSError as error:
             where = error.filename or path
             raise BadInput(f"{where}: can't begin the run ({error.strerror}); choose another place") from None
@@ -110,6 +119,7 @@ class RunDirectory:
         values = summary._asdict()
         values["incomplete"] = summary.incomplete or self.failed
         data = (json.dumps(values, indent=2, allow_nan=False) + "\n").encode()
+        self._room.unlink(missing_ok=True)
         self._guarded("summary.json", lambda: write_atomically(self.path / "summary.json", data))
 
     def close(self) -> None:
@@ -117,6 +127,7 @@ class RunDirectory:
         if self._episodes >= 0:
             os.close(self._episodes)
             self._episodes = -1
+            self._room.unlink(missing_ok=True)
 
     def _append(self, line: str) -> None:
         data = line.encode()

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, TypeVar, get_type_hints
 from fbql_common.core.errors import BadInput
 
 T = TypeVar("T")
+_INT64 = 2**63 - 1
 
 
 class Limits(NamedTuple):
@@ -90,8 +91,10 @@ def check(instance: Any, where: str) -> None:
         if limits.choices is not None and value not in limits.choices:
             raise BadInput(f"{where}: parameter '{name}' is {value!r}; choose one of: {', '.join(limits.choices)}")
         if kind is int or kind is float:
-            low = -math.inf if limits.low is None else limits.low
-            high = math.inf if limits.high is None else limits.high
+            # A whole number travels as int64.
+            unbounded = _INT64 if kind is int else math.inf
+            low = -unbounded if limits.low is None else limits.low
+            high = unbounded if limits.high is None else limits.high
             if not low <= value <= high or not math.isfinite(value):
                 unit = f" {limits.unit}" if limits.unit else ""
                 raise BadInput(f"{where}: parameter '{name}' is {value}, outside of [{low:g}, {high:g}]{unit}")

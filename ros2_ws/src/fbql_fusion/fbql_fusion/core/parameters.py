@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -27,6 +28,9 @@ class Thresholds(NamedTuple):
 
 PRESETS = {"paper": Thresholds(0.07, 2.2), "tuned": Thresholds(0.10, 0.3)}
 """`paper` behaves like the paper's Subsumption, `tuned` is the honest control: tuned for the shipped trees."""
+
+
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,12 @@ def check_fusion(parameters: FusionParameters, where: str) -> None:
     names = parameters.behaviors
     if not names:
         raise BadInput(f"{where}: parameter 'behaviors' is empty; name at least one behavior")
+    for name in names:
+        if not _NAME.fullmatch(name):
+            raise BadInput(
+                f"{where}: parameter 'behaviors' has '{name}', which can't be a topic's name; "
+                "use letters, digits and underscores"
+            )
     for key, listed in (("behaviors", names), ("layers", parameters.layers)):
         twice = sorted({name for name in listed if listed.count(name) > 1})
         if twice:

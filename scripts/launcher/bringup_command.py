@@ -1,0 +1,105 @@
+"""The command line of bringup, what is checked before anything is started, and what is told at the end."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+from collections.abc import Sequence
+
+from fbql_common.core.errors import BadInput
+from fbql_common.spin import refuse_security
+
+from launcher.graph import Mode
+from launcher.in_process import rehearse
+from launcher.interrupts import Interrupted, Interrupts
+from launcher.options import Match, Parser, make_run_directory, match_from, match_parser
+from launcher.panel import Panel, print_result
+from launcher.result import next_steps, summary_text
+from launcher.supervision import BAD_INPUT, FAILED, INCOMPLETE, Supervision, domain_from
+
+PROGRAM = "bringup.py"
+START_TIMEOUT_S = 30.0
+
+
+def parser() -> Parser:
+    """The command line."""
+    result = match_parser(
+        PROGRAM, "Brings up the ROS 2 graph, plays robot soccer, records the run and prints the result."
+    )
+    how = result.add_argument_group("how it runs")
+    how.add_argument(
+        "--processes", choices=("many", "one"), default="many", help="a process for each node, or one for all"
+    )
+    how.add_argument(
+        "--realtime",
+        type=float,
+        default=0.0,
+        metavar="F",
+        help="speed relative to real time; 0: lockstep, as fast as it goes",
+    )
+    how.add_argument("--record", action=argparse.BooleanOptionalAction, default=True, help="record the run to MCAP")
+    how.add_argument(
+        "--start-timeout",
+        type=float,
+        default=START_TIMEOUT_S,
+        metavar="S",
+        help="seconds within which every node must be up",
+    )
+    return result
+
+
+def run(argv: Sequence[str], interrupts: Interrupts) -> int:
+    """Runs the command. Gives the exit code."""
+    arguments = parser().parse_args(list(argv))
+    panel = Panel()
+    try:
+        match, supervision = _prepared(arguments, panel, interrupts)
+        make_run_directory(match.out)
+        try:
+            code = supervision.run(match)
+        except (BadInput, Interrupted):
+            # Nothing was played: leave nothing behind.
+            shutil.rmtree(match.out)
+            raise
+    except BadInput as error:
+        panel.say(str(error))
+        return BAD_INPUT
+    except Interrupted as error:
+        panel.say(f"{PROGRAM}: {error}")
+        return FAILED
+    return _tell(match, code, panel, interrupts)
+
+
+def _prepared(arguments: argparse.Namespace, panel: Panel, interrupts: Interrupts) -> tuple[Match, Supervision]:
+    """All that can be refused is refused here, before there is a process or a directory."""
+    for name, low, high in (("realtime", 0, 100), ("start_timeout", 0.1, 3600)):
+        value = getattr(arguments, name)
+        if not low <= value <= high:
+            raise BadInput(f"{PROGRAM}: --{name.replace('_', '-')} is {value:g}, outside of [{low:g}, {high:g}]")
+    refuse_security()
+    domain_id = domain_from(PROGRAM)
+    match = match_from(arguments, PROGRAM)
+    rehearse(match)
+    interrupts.check()
+    mode = Mode(arguments.processes, arguments.realtime, arguments.record)
+    return match, Supervision(PROGRAM, mode, domain_id, arguments.start_timeout, panel, interrupts)
+
+
+def _tell(match: Match, code: int, panel: Panel, interrupts: Interrupts) -> int:
+    run = match.out
+    path = run / "summary.json"
+    if not path.is_file():
+        cause = f"ended by {interrupts.name} before there was a result" if interrupts.came else "there is no summary"
+        panel.say(f"{PROGRAM}: {cause}; see {run / 'log'}")
+        return code or FAILED
+    if interrupts.came:
+        panel.say(f"ended by {interrupts.name}; what was played until then is complete")
+    summary = json.loads(path.read_text())
+    text = f"{summary_text(summary, run, match.simulation.dt_s)}\n{next_steps(summary, run)}"
+    try:
+        print_result(json.dumps(summary) if match.json else text)
+    except OSError as error:
+        panel.say(f"{PROGRAM}: the result can't be printed ({error.strerror}); it is in {path}")
+        return code or FAILED
+    return code or (INCOMPLETE if summary["incomplete"] else 0)

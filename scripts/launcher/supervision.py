@@ -1,0 +1,180 @@
+"""Watches over a graph from its start to its end: a domain of its own, the start barrier, who dies, who asks for the end."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from time import monotonic
+
+import domain_coordinator
+from fbql_common.core.errors import BadInput
+
+from launcher import graph
+from launcher.interrupts import Interrupts
+from launcher.observer import Observer
+from launcher.options import Match
+from launcher.panel import Panel
+from launcher.processes import NodeProcess, start, stop
+
+DONE, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
+MAX_DOMAIN_ID = 232
+"""The last domain whose ports exist."""
+_LOOK_S = 0.05
+_DISCOVERY_S = 1.0
+
+
+class Failure(Exception):
+    """The graph did not do its job; the text says what happened."""
+
+
+def domain_from(program: str) -> int | None:
+    """The domain that ROS_DOMAIN_ID names, None where it is not set. Raises BadInput for one that can't be."""
+    text = os.environ.get("ROS_DOMAIN_ID", "")
+    if not text:
+        return None
+    if not (text.isascii() and text.isdigit() and int(text) <= MAX_DOMAIN_ID):
+        raise BadInput(
+            f"{program}: ROS_DOMAIN_ID is '{text}'; set a number from 0 to {MAX_DOMAIN_ID}, or unset it to get a free domain"
+        )
+    return int(text)
+
+
+@contextmanager
+def _free_domain() -> Generator[int]:
+    try:
+        domain = domain_coordinator.domain_id()
+        number = domain.__enter__()
+    except RuntimeError:
+        raise BadInput("every domain from 1 to 100 is in use here; set ROS_DOMAIN_ID") from None
+    try:
+        yield number
+    finally:
+        domain.__exit__(None, None, None)
+
+
+class Supervision:
+    """One graph from its start to its end.
+
+    Args:
+        domain_id: None for a free one, which is held while the graph runs.
+        start_timeout_s: within this every node and topic must be there.
+    """
+
+    def __init__(
+        self,
+        program: str,
+        mode: graph.Mode,
+        domain_id: int | None,
+        start_timeout_s: float,
+        panel: Panel,
+        interrupts: Interrupts,
+    ) -> None:
+        self._program = program
+        self._mode = mode
+        self._domain_id = domain_id
+        self._start_timeout_s = start_timeout_s
+        self._panel = panel
+        self._interrupts = interrupts
+        self._started: list[NodeProcess] = []
+
+    def run(self, match: Match) -> int:
+        """Plays the match in its run directory; every process has ended when this returns or raises.
+
+        Returns:
+            0 when fusion ended well or a signal asked for the end, 1 on a failure, 3 when fusion could not record all.
+
+        Raises:
+            BadInput: refused before any process was started.
+            Interrupted: a signal came before any process was started.
+        """
+        with ExitStack() as closing:
+            domain_id = closing.enter_context(_free_domain()) if self._domain_id is None else self._domain_id
+            # The launcher's own node logs with the run, too.
+            os.environ["ROS_LOG_DIR"] = str(match.out / "log")
+            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+            observer = Observer(domain_id)
+            closing.callback(observer.close)
+            if self._domain_id is not None:
+                self._refuse_twins(observer, match)
+            commands = graph.commands(match, self._mode, graph.write_parameters(match, self._mode))
+            self._interrupts.check()
+            how = "a process each" if self._mode.processes == "many" else "all in one process"
+            self._panel.say(f"bringing up {', '.join(graph.node_names(match))}: {how}, ROS_DOMAIN_ID={domain_id}")
+            try:
+                self._start(commands, match, {**os.environ, "ROS_DOMAIN_ID": str(domain_id)})
+                self._wait_for_graph(observer, match)
+                code = self._watch(observer)
+            except Failure as failure:
+                self._panel.say(f"{self._program}: {failure}")
+                code = FAILED
+            finally:
+                killed = stop(self._started)
+                self._panel.close()
+        if killed:
+            self._panel.say(f"{self._program}: did not end in time and had to be killed: {', '.join(killed)}")
+            code = code or FAILED
+        return code or self._completeness()
+
+    def _start(self, commands: Mapping[str, Sequence[str]], match: Match, environment: dict[str, str]) -> None:
+        for name, command in commands.items():
+            try:
+                self._started.append(start(name, command, environment, match.out / "log"))
+            except OSError as error:
+                raise Failure(f"'{name}' can't be started: {command[0]}: {error.strerror}") from None
+
+    def _completeness(self) -> int:
+        """Says it when fusion could not record everything. The files that say so may be missing for the same reason."""
+        fusion = self._started[-1]
+        if fusion.exit_code != INCOMPLETE:
+            return DONE
+        reasons = fusion.errors() or [f"see {fusion.log_file}"]
+        self._panel.say(f"{self._program}: the recording is incomplete: {'; '.join(reasons)}")
+        return INCOMPLETE
+
+    def _refuse_twins(self, observer: Observer, match: Match) -> None:
+        """Two nodes of one name break a graph in ways that are hard to see. A free domain can't have them."""
+        observer.look(_DISCOVERY_S)
+        twins = sorted(set(observer.nodes()) & set(graph.node_names(match)))
+        if twins:
+            raise BadInput(
+                f"{self._program}: node '{twins[0]}' runs already in ROS_DOMAIN_ID={self._domain_id}; "
+                "end it, or unset ROS_DOMAIN_ID to get a free domain"
+            )
+
+    def _wait_for_graph(self, observer: Observer, match: Match) -> None:
+        """The start barrier: until every node and topic is there. Fusion itself waits for its inputs meanwhile."""
+        deadline = monotonic() + self._start_timeout_s
+        names = graph.node_names(match)
+        while not self._interrupts.came:
+            observer.look(_LOOK_S)
+            self._fail_on_exit()
+            # A short match may be over before anybody saw all of it.
+            if observer.status or self._started[-1].exit_code is not None:
+                return
+            missing = observer.missing(names, list(match.behaviors))
+            if not missing:
+                return
+            if monotonic() > deadline:
+                raise Failure(f"after {self._start_timeout_s:g} s the graph still lacks {', '.join(missing)}")
+
+    def _watch(self, observer: Observer) -> int:
+        fusion = self._started[-1]
+        while not self._interrupts.came:
+            observer.look(_LOOK_S)
+            if observer.status:
+                self._panel.show(observer.status)
+            if fusion.exit_code in (DONE, INCOMPLETE):
+                return fusion.exit_code
+            self._fail_on_exit()
+        return DONE
+
+    def _fail_on_exit(self) -> None:
+        for process in self._started:
+            code = process.exit_code
+            if code is None or (process is self._started[-1] and code in (DONE, INCOMPLETE)):
+                continue
+            what = f"node '{process.name}'" if self._mode.processes == "many" else "the process of all nodes"
+            how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+            raise Failure(f"{what} {how}; its output ({process.log_file}):\n{process.tail()}")
