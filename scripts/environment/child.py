@@ -13,6 +13,7 @@ from pathlib import Path
 from .errors import SetUpError, free_bytes, no_space
 from .progress import Step
 
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 POLL_S = 0.2
 PATIENCE_S = 3.0
 SHOWN_LINES = 15
@@ -85,18 +86,23 @@ def run(
     rather than to us, so that our death does not stop it half-way. It gets a session of its own: an interrupt at the
     terminal reaches us alone, and we end it together with its own children.
     """
-    with log.open("wb") as output:
-        child = subprocess.Popen(
-            command,
-            env=environ,
-            cwd=cwd,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            pass_fds=(lock,),
-            start_new_session=True,
-        )
+    # A signal that came between the child's start and our knowing of it would leave it running: let it wait.
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING_SIGNALS)
+    child = None
     try:
+        with log.open("wb") as output:
+            child = subprocess.Popen(
+                command,
+                env=environ,
+                cwd=cwd,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                pass_fds=(lock,),
+                start_new_session=True,
+                preexec_fn=lambda: signal.pthread_sigmask(signal.SIG_SETMASK, mask),
+            )
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         while True:
             try:
                 code = child.wait(POLL_S)
@@ -104,7 +110,9 @@ def run(
             except subprocess.TimeoutExpired:
                 step.tick(last_line(log))
     except BaseException:
-        end_group(child)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if child is not None:
+            end_group(child)
         raise
     text = log.read_bytes().decode(errors="replace")
     if code != 0:

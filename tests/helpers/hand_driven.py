@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from time import monotonic
 from typing import Any
 
 import pytest
 import rclpy
+from ament_index_python.packages import get_package_share_directory
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_common.spin import GraphNode
 from fbql_common.topics import RESET_EPISODE, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
@@ -52,8 +54,13 @@ def output_to(world: World, index: int, **fields: Any) -> BehaviorOutput:
     )._replace(**fields)
 
 
+def shipped_tree(behavior: str) -> Path:
+    """The tree file that ships for a behavior."""
+    return Path(get_package_share_directory("fbql_behaviors")) / "trees" / f"{behavior}.json"
+
+
 class Participant:
-    """A context in a domain, with its executor."""
+    """A context in a domain."""
 
     def __init__(self, environment: Mapping[str, str]) -> None:
         self.context = rclpy.Context()
@@ -63,10 +70,8 @@ class Participant:
             rclpy.init(args=[], context=self.context, signal_handler_options=SignalHandlerOptions.NO)
             # The middleware looks at the environment when the first node is made.
             self._anchor = Node("anchor", context=self.context, use_global_arguments=False, enable_rosout=False)
-        self.executor = EventsExecutor(context=self.context)
 
     def close(self) -> None:
-        self.executor.shutdown()
         self._anchor.destroy_node()
         self.context.try_shutdown()
 
@@ -79,7 +84,9 @@ class Bench:
     def __init__(self, participant: Participant, capfd: pytest.CaptureFixture[str]) -> None:
         self.namespace = f"/bench{next(self._numbers)}"
         self.log = ""
-        self._participant = participant
+        self._context = participant.context
+        # One for each test, so that no event of an earlier one is left in it.
+        self._executor = EventsExecutor(context=self._context)
         self._capfd = capfd
         self._nodes: list[Node] = []
 
@@ -88,12 +95,12 @@ class Bench:
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         node = make(
             *arguments,
-            context=self._participant.context,
+            context=self._context,
             namespace=self.namespace,
             use_global_arguments=False,
             parameter_overrides=overrides,
         )
-        self._participant.executor.add_node(node)
+        self._executor.add_node(node)
         self._nodes.append(node)
         return node
 
@@ -102,7 +109,9 @@ class Bench:
         if isinstance(node, GraphNode):
             node.close()
         self._nodes.remove(node)
-        self._participant.executor.remove_node(node)
+        self._executor.remove_node(node)
+        for _ in range(20):
+            self._executor.spin_once(timeout_sec=0)  # what had come for it already
         node.destroy_node()
 
     def until(self, is_so: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> None:
@@ -111,7 +120,7 @@ class Bench:
         while not is_so():
             if monotonic() > deadline:
                 pytest.fail(f"waited {timeout_s:g} s for {what}; log:\n{self.said()}")
-            self._participant.executor.spin_once(timeout_sec=0.02)
+            self._executor.spin_once(timeout_sec=0.02)
 
     def until_said(self, text: str, times: int = 1) -> None:
         """Spins until the nodes have logged a text so often."""
@@ -133,6 +142,7 @@ class Bench:
     def close(self) -> None:
         for node in list(self._nodes):
             self.remove(node)
+        self._executor.shutdown()
 
 
 class Heard(list[Any]):

@@ -1,0 +1,199 @@
+"""A set-up that is cut off leaves nothing running, and the next start gets to the same end."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import select
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from setup_checkout import ROOT, command, fresh_environment, make_checkout, run, start
+
+SPEAK = ("ros2", "run", "speaker", "speak")
+PATIENCE_S = 60
+
+
+class Started:
+    """A start under way, in a process group of its own, as a shell makes it."""
+
+    def __init__(self, checkout: Path) -> None:
+        self.process = subprocess.Popen(
+            command(checkout, *SPEAK),
+            env=fresh_environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+        self.said = ""
+
+    def wait_until_said(self, words: str) -> None:
+        """Wait until stderr holds `words`."""
+        assert self.process.stderr is not None
+        until = time.monotonic() + PATIENCE_S
+        while words not in self.said:
+            ready, _, _ = select.select([self.process.stderr], [], [], max(0.0, until - time.monotonic()))
+            data = os.read(self.process.stderr.fileno(), 4096) if ready else b""
+            assert data, f"waited for {words!r}; it said {self.said!r}"
+            self.said += data.decode()
+
+    def wait_until_at_work(self, checkout: Path) -> None:
+        """Wait until a program that the set-up started runs in `checkout`."""
+        until = time.monotonic() + PATIENCE_S
+        while len(processes_in(checkout)) < 2:
+            assert time.monotonic() < until, f"waited for a second process; it said {self.said!r}"
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self.process.wait(0.02)
+
+    def end(self, number: int) -> tuple[int, str]:
+        """Send a signal; the exit code, and all that was said."""
+        self.process.send_signal(number)
+        _, rest = self.process.communicate(timeout=PATIENCE_S)
+        return self.process.returncode, self.said + rest.decode()
+
+
+def processes_in(checkout: Path) -> dict[int, str]:
+    """The command lines, by process id, of the processes that name the checkout or work in it."""
+    found: dict[int, str] = {}
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+            place = (process / "cwd").readlink()
+        except OSError:
+            continue
+        if str(checkout) in words or place.is_relative_to(checkout):
+            found[int(process.name)] = words
+    return found
+
+
+def kill_all_in(checkout: Path) -> None:
+    """As when the machine loses power: the set-up, and the installer or the build that works for it."""
+    for pid in sorted(processes_in(checkout)):
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+
+
+@pytest.mark.parametrize(
+    ("number", "step", "code"),
+    [(signal.SIGINT, "making .venv", 130), (signal.SIGTERM, "installing", 143), (signal.SIGHUP, "installing", 129)],
+)
+def test_a_signal_ends_the_set_up_with_all_that_it_started(
+    tmp_path: Path, number: signal.Signals, step: str, code: int
+) -> None:
+    checkout = make_checkout(tmp_path / "checkout")
+    started = Started(checkout)
+    started.wait_until_said(step)
+    ended, said = started.end(number)
+    assert ended == code
+    assert "Traceback" not in said
+    assert processes_in(checkout) == {}
+
+
+def test_after_a_kill_the_next_start_waits_for_what_is_still_running_and_then_recovers(tmp_path: Path) -> None:
+    checkout = make_checkout(tmp_path / "checkout")
+    started = Started(checkout)
+    started.wait_until_said("installing")
+    started.wait_until_at_work(checkout)
+    started.end(signal.SIGKILL)
+    said = start(checkout, *SPEAK, "on")
+    assert said.stdout == "speaks on\n", said.stderr
+    assert "another set-up of this checkout is running" in said.stderr
+    assert "making .venv" in said.stderr
+
+
+def test_after_a_kill_of_everything_in_the_middle_of_the_build_it_is_built_afresh(tmp_path: Path) -> None:
+    checkout = make_checkout(tmp_path / "checkout")
+    started = Started(checkout)
+    started.wait_until_said("building")
+    started.wait_until_at_work(checkout)
+    kill_all_in(checkout)
+    started.process.communicate(timeout=PATIENCE_S)
+    said = start(checkout, *SPEAK, "on")
+    assert said.stdout == "speaks on\n", said.stderr
+    assert "making .venv" not in said.stderr
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_a_kill_of_everything_at_any_moment_is_recovered_from(tmp_path: Path) -> None:
+    rng = random.Random(2024)
+    for attempt in range(12):
+        checkout = make_checkout(tmp_path / f"checkout{attempt}")
+        started = Started(checkout)
+        started.wait_until_said("making")
+        with pytest.raises(subprocess.TimeoutExpired):
+            started.process.wait(rng.uniform(0.0, 8.0))
+        kill_all_in(checkout)
+        started.process.communicate(timeout=PATIENCE_S)
+        said = start(checkout, *SPEAK, str(attempt))
+        assert said.stdout == f"speaks {attempt}\n", said.stderr
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_a_real_clone_is_set_up_by_its_first_command_and_the_nodes_import(tmp_path: Path) -> None:
+    clone = tmp_path / "clone"
+    assert run(["git", "clone", "--quiet", str(ROOT), str(clone)], fresh_environment()).returncode == 0
+    said = start(clone, "ros2", "pkg", "executables", "fbql_sim")
+    assert said.stdout == "fbql_sim simulator\n", said.stderr
+    script = (
+        f"source {clone}/scripts/env.sh; python -c 'import rclpy, fbql_msgs.msg as m; print(m.WorldState().episode)'"
+    )
+    said = run(["bash", "-c", script], fresh_environment())
+    assert said.stdout == "0\n", said.stderr
+    message = clone / "ros2_ws/src/fbql_msgs/msg/WorldState.msg"
+    message.write_text(message.read_text() + "int64 added_by_a_test\n")
+    script = script.replace("episode", "added_by_a_test")
+    said = run(["bash", "-c", script], fresh_environment())
+    assert said.stdout == "0\n", said.stderr
+    assert "making" not in said.stderr
+    assert "installing" not in said.stderr
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_a_sourced_system_jazzy_is_used_instead_of_the_wheels(tmp_path: Path) -> None:
+    """The system is an imitation: an environment elsewhere, found by the variables that a setup.bash would set."""
+    clone = tmp_path / "clone"
+    assert run(["git", "clone", "--quiet", str(ROOT), str(clone)], fresh_environment()).returncode == 0
+    system = tmp_path / "system"
+    site = system / "lib/python3.12/site-packages"
+    base = fresh_environment()
+    python = command(ROOT, "")[0]
+    assert run([python, "-m", "venv", str(system)], base).returncode == 0
+    install = [str(system / "bin/pip"), "install", "-q", "--only-binary", ":all:", "--no-binary", "empy", "--no-deps"]
+    locked = (ROOT / "requirements.txt").read_text()
+    done = run([*install, "--require-hashes", "-r", str(ROOT / "requirements.txt")], base)
+    assert done.returncode == 0, done.stderr
+    assert "pymunk==" in locked
+    assert run([str(system / "bin/pip"), "uninstall", "-q", "-y", "pymunk", "mcap"], base).returncode == 0
+    libraries = [str(system / "lib"), *map(str, sorted(site.glob("ros_*.libs")))]
+    sourced = {
+        "ROS_DISTRO": "jazzy",
+        "AMENT_PREFIX_PATH": str(system),
+        "CMAKE_PREFIX_PATH": str(system),
+        "PYTHONPATH": str(site),
+        "LD_LIBRARY_PATH": os.pathsep.join(libraries),
+        "PATH": f"{system}/bin{os.pathsep}{base['PATH']}",
+        "_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1",
+    }
+    said = start(clone, "ros2", "pkg", "prefix", "fbql_msgs", **sourced)
+    assert said.stdout == f"{clone}/.setup/system/install/fbql_msgs\n", said.stderr
+    assert not (clone / ".venv").exists()
+    question = (
+        "import rclpy, pymunk, fbql_msgs.msg as m; print(rclpy.__file__, pymunk.__file__, m.WorldState().episode)"
+    )
+    said = run(["bash", "-c", f"source {clone}/scripts/env.sh; python -c '{question}'"], {**base, **sourced})
+    ours = clone / ".venv-system/lib/python3.12/site-packages"
+    assert said.stdout == f"{site}/rclpy/__init__.py {ours}/pymunk/__init__.py 0\n", said.stderr
+    real = tmp_path / "bin" / "ros2"
+    real.parent.mkdir()
+    real.write_text('#!/bin/sh\necho "the real one: $*"\n')
+    real.chmod(0o755)
+    path = f"{sourced['PATH']}{os.pathsep}{real.parent}"
+    assert start(clone, "ros2", "topic", "list", **{**sourced, "PATH": path}).stdout == "the real one: topic list\n"
