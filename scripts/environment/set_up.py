@@ -85,7 +85,10 @@ class SetUp:
                 work(step)
             except ChildError as failure:
                 step.failed()
-                raise explain(failure, text, self.target.root) from failure
+                error = explain(failure, text, self.target.root)
+                if not virtual.is_usable(self.target):
+                    remove(self.target.venv)  # half-made, it would only fill the disk
+                raise error from failure
             except BaseException:
                 step.failed()
                 raise
