@@ -146,7 +146,9 @@ def test_every_name_in_the_code_that_is_told_of_is_there(path: Path) -> None:
 @every_document()
 def test_every_test_that_is_told_of_is_there(path: Path) -> None:
     told = TEST.findall(path.read_text())
-    assert not [f"{file}::{test}" for file, test in told if test not in names(ROOT / file)]
+    assert not [
+        f"{file}::{test}" for file, test in told if not (ROOT / file).is_file() or test not in names(ROOT / file)
+    ]
 
 
 def test_the_map_from_the_paper_to_the_code_tells_of_every_equation_and_figure() -> None:
