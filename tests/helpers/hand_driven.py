@@ -19,6 +19,7 @@ from fbql_common.spin import GraphNode
 from fbql_common.topics import RESET_EPISODE, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.wire import (
     MESSAGES,
+    Rejected,
     decode_command,
     decode_decision,
     decode_output,
@@ -206,7 +207,7 @@ class FakeSimulator(Node):
 
 
 class FakeBehavior(Node):
-    """Answers every world state, unless `silent`; keeps the world states."""
+    """Answers every sound world state, unless `silent`; keeps them."""
 
     def __init__(self, index: int, **options: Any) -> None:
         super().__init__(BEHAVIORS[index], **options)
@@ -218,9 +219,13 @@ class FakeBehavior(Node):
         self.create_subscription(MESSAGES[World], WORLD, self._on_world, STEP_QOS, raw=True)
 
     def _on_world(self, data: bytes) -> None:
-        self.worlds.append(decode_world(data))
+        try:
+            world = decode_world(data)
+        except Rejected:
+            return
+        self.worlds.append(world)
         if not self.silent:
-            self.answer(self.worlds[-1])
+            self.answer(world)
 
     def answer(self, world: World) -> None:
         """Publishes the answer to a world state."""

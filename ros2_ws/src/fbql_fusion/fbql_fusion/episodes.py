@@ -31,16 +31,12 @@ class Episodes:
         self._assembly = assembly
         self._lost_after_s = lost_after_s
         self._client = node.create_client(ResetEpisode, RESET_EPISODE)
+        self.service = node.resolve_service_name(RESET_EPISODE)
         self._asked: tuple[int, int] | None = None
         """The episode and seed that the simulator was asked for and has not granted yet."""
         self._asked_s = self.heard_s = float("-inf")
         self.under_way = False
         """Whether an episode was granted and has not ended."""
-
-    @property
-    def service(self) -> str:
-        """The absolute name of the service."""
-        return self._client.srv_name
 
     def can_ask(self) -> bool:
         """Whether the simulator's service is there."""
