@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -66,7 +67,7 @@ def _induce(arguments: argparse.Namespace) -> int:
         "leaves": tree.leaf_count,
         "rmse_levels": rmse,
         "rmse_rad_s": None if rmse is None else rad_s_of(rmse),
-        "root_value": induced.value,
+        "root_value": induced.value if isfinite(induced.value) else None,
         "seconds": seconds,
         "path": str(path),
         "patterns": len(patterns),
@@ -80,11 +81,12 @@ def _worded(result: dict[str, Any]) -> str:
     error = "n/a (it takes two demonstrations)"
     if result["rmse_levels"] is not None:
         error = f"{result['rmse_levels']:.2f} levels, {result['rmse_rad_s']:.1f} rad/s"
+    value = "not finite: it diverged" if result["root_value"] is None else f"{result['root_value']:.4f} nat"
     return "\n".join(
         (
             f"{result['leaves']} leaves from {result['patterns']} patterns in {result['seconds']:.3f} s",
             f"  held-out error of the wheel velocities   {error}",
-            f"  value of the root                        {result['root_value']:.4f} nat",
+            f"  value of the root                        {value}",
             f"  tree                                     {result['path']}",
         )
     )
@@ -101,7 +103,8 @@ def _recipe(arguments: argparse.Namespace) -> Recipe:
     """The behavior's recipe with what the command line says instead."""
     recipe = recipe_of(arguments.behavior)
     given = {name: value for name in types_of(InductionParameters) if (value := getattr(arguments, name)) is not None}
-    recipe = replace(recipe, induction=replace(recipe.induction, **given))
+    usual = recipe.printed if arguments.objective == "printed" else recipe.induction
+    recipe = replace(recipe, induction=replace(usual, **given))
     check(recipe.induction, "induction")
     for name in ("every", "patterns"):
         value = getattr(arguments, name)

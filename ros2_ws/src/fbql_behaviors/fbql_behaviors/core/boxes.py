@@ -27,6 +27,8 @@ Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
 MAX_GRIDS = 4096
+MAX_HALVINGS = 50
+"""Halvings of all features together: a cell and a class have to fit a 64-bit number."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +63,10 @@ def find_boxes(patterns: Patterns, halvings: tuple[int, ...]) -> Boxes:
 
     A pattern outside of the root region counts as lying at its edge. Raises BadInput when there would be too many grids.
     """
-    if np.prod([h + 1.0 for h in halvings]) > MAX_GRIDS or sum(halvings) > 60:
+    if np.prod([h + 1.0 for h in halvings]) > MAX_GRIDS or sum(halvings) > MAX_HALVINGS:
         raise BadInput(f"half-splits down to {halvings} halvings make too many regions; raise min_range")
     cells = _finest_cells(patterns, halvings)
-    cells, classes, weight = _merged(cells, patterns.wheel_class)
+    cells, classes, weight = _merged(cells, patterns.wheel_class, halvings)
     n_classes = int(classes.max()) + 1
     k_ln_k = _k_ln_k(weight)
 
@@ -115,11 +117,12 @@ def _finest_cells(patterns: Patterns, halvings: tuple[int, ...]) -> Ints:
     return np.stack(columns, axis=1)
 
 
-def _merged(cells: Ints, classes: Ints) -> tuple[Ints, Ints, Ints]:
-    """Patterns of one cell and one class as one row with their number."""
-    rows, weight = np.unique(np.column_stack((cells, classes)), axis=0, return_counts=True)
-    _, dense = np.unique(rows[:, -1], return_inverse=True)
-    return rows[:, :-1], dense, weight
+def _merged(cells: Ints, classes: Ints, halvings: tuple[int, ...]) -> tuple[Ints, Ints, Ints]:
+    """Patterns of one cell and one class as one row with their number; classes numbered from 0."""
+    _, dense = np.unique(classes, return_inverse=True)
+    n_classes = int(dense.max()) + 1
+    keys, weight = np.unique(_key(cells, halvings) * n_classes + dense, return_counts=True)
+    return _unkey(keys // n_classes, halvings), keys % n_classes, weight
 
 
 def _key(index: Ints, halvings: tuple[int, ...]) -> Ints:

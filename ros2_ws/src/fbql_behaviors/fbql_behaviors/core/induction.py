@@ -138,7 +138,7 @@ def learn(boxes: Boxes, parameters: InductionParameters, rng: np.random.Generato
             if not available:
                 continue
             draw = next(uniform)
-            action = int(draw / epsilon * (len(available) + 1)) - 1 if draw < epsilon else _greedy(q[box])
+            action = _any_action(draw / epsilon, len(available)) if draw < epsilon else _greedy(q[box])
             if action == NO_SPLIT:
                 continue
             visited.append((box, action))
@@ -168,8 +168,7 @@ def split_rewards(
     gain = information_gain(
         boxes.entropy[:, None], boxes.entropy[left], boxes.entropy[right], count[left], count[right]
     )
-    if parameters.objective == "weighted":
-        gain = gain * (count / count[0])[:, None]
+    gain = gain * gain_weight(boxes, parameters)[:, None]
     reward = split_reward(parameters.split_cost, np.round(gain, 12))
     return np.where(offered, reward, 0.0), offered
 
@@ -213,6 +212,11 @@ def _epsilon(parameters: InductionParameters, trial: int) -> float:
     """The share of random actions, falling linearly over the trials."""
     progress = trial / max(parameters.trials - 1, 1)
     return parameters.epsilon_start + (parameters.epsilon_end - parameters.epsilon_start) * progress
+
+
+def _any_action(draw: float, splits: int) -> int:
+    """NO_SPLIT or one of the splits, from a uniform draw in [0, 1]."""
+    return min(int(draw * (splits + 1)), splits) - 1
 
 
 def _greedy(values: list[float]) -> int:

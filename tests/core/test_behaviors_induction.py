@@ -1,0 +1,275 @@
+"""Induction: learning and planning against a slow literal recursion, the stop criteria, odd data."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from math import inf, isfinite, nan
+
+import numpy as np
+import pytest
+from fbql_behaviors.core.boxes import Boxes, find_boxes
+from fbql_behaviors.core.equations import entropy
+from fbql_behaviors.core.induction import InductionParameters, induce, learn, plan, split_rewards
+from fbql_behaviors.core.observation import Feature
+from fbql_behaviors.core.patterns import Patterns, patterns_from_rows
+from fbql_behaviors.core.quantizer import levels_of, rad_s_of
+from fbql_behaviors.core.tree import Split, Tree
+from fbql_common.core.errors import BadInput
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+FEATURES = (Feature("distance", "m", 0.0, 3.2), Feature("bearing", "rad", -3.0, 3.0))
+DP = InductionParameters(method="dp", min_range=1 / 8)
+OBJECTIVES = pytest.mark.parametrize("objective", ["printed", "weighted"])
+ROWS = st.lists(
+    st.tuples(st.floats(0.0, 3.19), st.floats(-3.0, 2.99), st.sampled_from([0, 100, 420, 840])), min_size=1, max_size=25
+)
+
+
+def patterns_of_rows(rows: list[tuple[float, float, int]]) -> Patterns:
+    return patterns_from_rows(FEATURES, [row[:2] for row in rows], [row[2] for row in rows])
+
+
+def scattered(n: int, seed: int = 0) -> Patterns:
+    """Random attributes; the class tells the quarter they lie in, one time in five it does not."""
+    rng = np.random.default_rng(seed)
+    x = np.stack((rng.uniform(0.0, 3.2, n), rng.uniform(-3.0, 3.0, n)), axis=1)
+    wheel_class = 100 * (x[:, 0] > 1.1) + 50 * (x[:, 1] > 0.3)
+    wheel_class = np.where(rng.random(n) < 0.2, rng.integers(0, 841, n), wheel_class)
+    return Patterns(FEATURES, x, wheel_class.astype(np.int64), np.arange(n))
+
+
+def best_value_slowly(rows: list[tuple[float, float, int]], parameters: InductionParameters) -> float:
+    """The literal recursion: the best value of the root, every box's patterns selected one by one."""
+
+    def impurity(inside: frozenset[int]) -> float:
+        classes = [rows[k][2] for k in inside]
+        return entropy([classes.count(each) for each in set(classes)])
+
+    @cache
+    def value(box: tuple[tuple[float, float], ...], inside: frozenset[int]) -> float:
+        best = 0.0
+        if len(inside) < parameters.min_patterns or impurity(inside) <= parameters.max_entropy:
+            return best
+        for i, (low, high) in enumerate(box):
+            feature = FEATURES[i]
+            if (high - low) / 2 < parameters.min_range * (feature.high - feature.low) * (1 - 1e-9):
+                continue
+            middle = (low + high) / 2
+            left = frozenset(k for k in inside if rows[k][i] < middle)
+            right = inside - left
+            if not left or not right:
+                continue
+            gain = impurity(inside) - (len(left) * impurity(left) + len(right) * impurity(right)) / len(inside)
+            children = value((*box[:i], (low, middle), *box[i + 1 :]), left) + value(
+                (*box[:i], (middle, high), *box[i + 1 :]), right
+            )
+            if parameters.objective == "weighted":
+                worth = parameters.split_cost + gain * len(inside) / len(rows) + parameters.discount * children
+            else:
+                worth = parameters.split_cost + gain + parameters.discount * children / 2
+            best = max(best, worth)
+        return best
+
+    return value(tuple((f.low, f.high) for f in FEATURES), frozenset(range(len(rows))))
+
+
+@OBJECTIVES
+@settings(deadline=None, max_examples=40)
+@given(rows=ROWS, split_cost=st.sampled_from([0.0, -0.02, -0.2]), min_patterns=st.integers(2, 6))
+def test_planning_finds_the_value_of_the_literal_recursion(
+    objective: str, rows: list[tuple[float, float, int]], split_cost: float, min_patterns: int
+) -> None:
+    parameters = replace(
+        DP, objective=objective, split_cost=split_cost, min_patterns=min_patterns, discount=0.9, max_entropy=0.3
+    )
+    found = induce("ball_seeking", patterns_of_rows(rows), parameters, 0)
+    assert found.value == pytest.approx(best_value_slowly(rows, parameters), abs=1e-9)
+
+
+def value_of_splits(boxes: Boxes, split: list[int], parameters: InductionParameters, box: int = 0) -> float:
+    """What the tree that follows `split` is worth, counted reward by reward."""
+    if split[box] < 0:
+        return 0.0
+    reward, _ = split_rewards(boxes, parameters)
+    share = 0.5 if parameters.objective == "printed" else 1.0
+    left, right = boxes.left[box, split[box]], boxes.right[box, split[box]]
+    below = value_of_splits(boxes, split, parameters, left) + value_of_splits(boxes, split, parameters, right)
+    return float(reward[box, split[box]]) + parameters.discount * share * below
+
+
+@OBJECTIVES
+def test_the_planned_tree_is_worth_the_planned_value(objective: str) -> None:
+    parameters = replace(DP, objective=objective)
+    boxes = find_boxes(scattered(60), (3, 3))
+    planned = plan(boxes, parameters)
+    assert value_of_splits(boxes, planned.split, parameters) == pytest.approx(planned.value)
+
+
+@OBJECTIVES
+@pytest.mark.parametrize("learning_rate", [1.0, 0.3])
+def test_learning_converges_to_the_planned_value(objective: str, learning_rate: float) -> None:
+    parameters = InductionParameters(
+        objective=objective, min_range=1 / 8, trials=3000, learning_rate=learning_rate, epsilon_start=0.5
+    )
+    boxes = find_boxes(scattered(120), (3, 3))
+    learned, planned = learn(boxes, parameters, np.random.default_rng(0)), plan(boxes, parameters)
+    assert learned.value == pytest.approx(planned.value, rel=0.01)
+    assert value_of_splits(boxes, learned.split, parameters) == pytest.approx(planned.value, rel=0.01)
+    assert len(learned.curve) == 3000
+
+
+def test_the_update_as_printed_diverges() -> None:
+    boxes = find_boxes(scattered(120), (3, 3))
+    parameters = InductionParameters(objective="printed", update="printed", learning_rate=0.5, trials=200)
+    value = learn(boxes, parameters, np.random.default_rng(0)).value
+    assert value > 1000 * plan(boxes, parameters).value
+
+
+def test_the_same_seed_gives_the_same_tree_and_the_origin_tells_the_seed() -> None:
+    parameters = InductionParameters(epsilon_start=0.9, optimism=0.0, trials=5)
+    trees = [induce("ball_seeking", scattered(300), parameters, seed).tree for seed in (3, 3, 4)]
+    assert trees[0] == trees[1]
+    assert trees[0].hash == trees[1].hash
+    assert trees[0].nodes != trees[2].nodes
+    assert trees[0].origin["seed"] == 3
+    assert trees[0].origin["patterns_sha256"] == scattered(300).sha256
+
+
+def test_leaves_hold_the_mean_of_the_quantized_velocities_of_their_patterns() -> None:
+    patterns = scattered(200)
+    tree = induce("ball_seeking", patterns, DP, 0).tree
+    leaf_ids = tree.leaf_ids(patterns.x)
+    for leaf_id, leaf in enumerate(tree.leaves):
+        classes = patterns.wheel_class[leaf_ids == leaf_id].tolist()
+        assert leaf.patterns == len(classes)
+        assert leaf.left_rad_s == pytest.approx(np.mean([rad_s_of(levels_of(each)[0]) for each in classes]))
+        assert leaf.right_rad_s == pytest.approx(np.mean([rad_s_of(levels_of(each)[1]) for each in classes]))
+
+
+def inner_counts(tree: Tree, patterns: Patterns) -> list[int]:
+    """Patterns of every node that is split."""
+    leaf_ids = tree.leaf_ids(patterns.x)
+
+    def leaves_below(node: int) -> list[int]:
+        found = tree.nodes[node]
+        return leaves_below(found.left) + leaves_below(found.right) if isinstance(found, Split) else [found]
+
+    return [
+        int(np.isin(leaf_ids, leaves_below(index)).sum())
+        for index, node in enumerate(tree.nodes)
+        if isinstance(node, Split)
+    ]
+
+
+def test_a_region_with_too_few_patterns_is_not_split() -> None:
+    patterns = scattered(200)
+    counts = inner_counts(
+        induce("ball_seeking", patterns, replace(DP, min_patterns=30, split_cost=0.0), 0).tree, patterns
+    )
+    assert counts
+    assert min(counts) >= 30
+
+
+def test_no_leaf_is_narrower_than_the_smallest_range() -> None:
+    tree = induce("ball_seeking", scattered(500), replace(DP, min_range=1 / 4, split_cost=0.0), 0).tree
+    assert tree.leaf_count > 4
+    for region in tree.regions():
+        for (low, high), feature in zip(region, FEATURES, strict=True):
+            assert high - low >= (feature.high - feature.low) / 4 * (1 - 1e-12)
+
+
+def test_every_leaf_holds_a_pattern_since_a_split_with_an_empty_half_is_not_offered() -> None:
+    tree = induce("ball_seeking", scattered(80), replace(DP, split_cost=0.0, min_range=1 / 64), 0).tree
+    assert min(leaf.patterns for leaf in tree.leaves) >= 1
+
+
+def test_a_region_that_is_pure_enough_is_not_split() -> None:
+    patterns = scattered(200)
+    assert induce("ball_seeking", patterns, replace(DP, max_entropy=9.0), 0).tree.leaf_count == 1
+
+
+def test_a_dearer_split_makes_a_smaller_tree() -> None:
+    patterns = scattered(400)
+    leaves = [
+        induce("ball_seeking", patterns, replace(DP, split_cost=c), 0).tree.leaf_count for c in (-0.005, -0.05, -5.0)
+    ]
+    assert leaves[0] > leaves[1] > leaves[2] == 1
+
+
+@pytest.mark.parametrize("method", ["rl", "dp"])
+@OBJECTIVES
+def test_one_pattern_makes_one_leaf(method: str, objective: str) -> None:
+    found = induce(
+        "ball_seeking", patterns_of_rows([(1.0, 0.5, 840)]), InductionParameters(method=method, objective=objective), 0
+    )
+    assert (found.tree.leaf_count, found.value) == (1, 0.0)
+    assert found.tree.answer((1.0, 0.5)) == (0, 88.0, 88.0)
+
+
+@pytest.mark.parametrize("method", ["rl", "dp"])
+def test_patterns_of_one_class_make_one_leaf(method: str) -> None:
+    rows = [(0.1 * k, 0.1 * k - 1.5, 420) for k in range(30)]
+    assert induce("ball_seeking", patterns_of_rows(rows), InductionParameters(method=method), 0).tree.leaf_count == 1
+
+
+@pytest.mark.parametrize("method", ["rl", "dp"])
+@OBJECTIVES
+def test_identical_patterns_of_different_classes_make_one_leaf_with_their_mean(method: str, objective: str) -> None:
+    rows = [(1.0, 0.5, 0), (1.0, 0.5, 840)] * 10
+    found = induce("ball_seeking", patterns_of_rows(rows), InductionParameters(method=method, objective=objective), 0)
+    assert found.tree.leaf_count == 1
+    assert found.tree.leaves[0][:2] == (0.0, 0.0)
+
+
+def test_a_feature_that_never_changes_is_never_split() -> None:
+    rows = [(1.0, 0.2 * k - 3.0, 29 * (k // 6)) for k in range(30)]
+    tree = induce("ball_seeking", patterns_of_rows(rows), replace(DP, split_cost=0.0), 0).tree
+    splits = [node.feature for node in tree.nodes if isinstance(node, Split)]
+    assert splits
+    assert set(splits) == {1}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("method", "magic"),
+        ("objective", "best"),
+        ("split_cost", 0.5),
+        ("split_cost", nan),
+        ("discount", 1.5),
+        ("min_range", 0.0),
+        ("min_patterns", 1),
+        ("max_entropy", -1.0),
+        ("trials", 0),
+        ("learning_rate", 0.0),
+        ("optimism", inf),
+        ("epsilon_start", 2.0),
+        ("update", "new"),
+    ],
+)
+def test_a_parameter_out_of_range_is_refused_with_its_value(name: str, value: object) -> None:
+    parameters = InductionParameters(**{name: value})  # pyright: ignore[reportArgumentType]
+    with pytest.raises(BadInput, match=f"parameter '{name}' is .*{value}"):
+        induce("ball_seeking", scattered(10), parameters, 0)
+
+
+def test_the_gain_of_a_hand_made_split_is_that_of_the_hand() -> None:
+    # distance splits (0, 0 | 1, 1) purely: gain ln 2; bearing splits (0, 1 | 0, 1): gain 0
+    patterns = patterns_of_rows([(0.5, -1.0, 0), (0.5, 1.0, 0), (2.0, -1.0, 1), (2.0, 1.0, 1)])
+    boxes = find_boxes(patterns, (1, 1))
+    rewards, offered = split_rewards(boxes, InductionParameters(split_cost=-0.1, objective="printed"))
+    assert rewards[0].tolist() == pytest.approx([0.5931471805599453, -0.1])
+    assert offered[0].tolist() == [True, True]
+    # the lower half of bearing holds one pattern of each class; as printed its gain counts whole, weighted a half
+    half = int(boxes.left[0, 1])
+    assert rewards[half, 0] == pytest.approx(0.5931471805599453)
+    weighted, _ = split_rewards(boxes, InductionParameters(split_cost=-0.1, objective="weighted"))
+    assert weighted[half, 0] == pytest.approx(0.6931471805599453 / 2 - 0.1)
+
+
+def test_every_value_stays_finite_on_random_data() -> None:
+    found = induce("ball_seeking", scattered(300, 5), InductionParameters(trials=30), 1)
+    assert isfinite(found.value)
+    assert all(isfinite(value) for value in found.curve)

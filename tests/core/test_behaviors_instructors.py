@@ -1,0 +1,79 @@
+"""Scripted instructors: causal, repeatable, and not perfect."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+from fbql_behaviors.core.instructors import INSTRUCTORS, Habits, Hand, approach, avoid_wall, instructor_of, seek_ball
+from fbql_common.core.errors import BadInput
+from fbql_common.core.field import MAX_WHEEL_RAD_S
+
+STEADY = Habits(lag_steps=0, imprecision=0.0, noise_rad_s=0.0, smoothness=0.0)
+
+
+def test_seeking_turns_towards_the_ball_and_drives_straight_at_one_ahead() -> None:
+    left, right = seek_ball((1.0, 0.5))
+    assert right > left
+    assert seek_ball((1.0, 0.0)) == (65.0, 65.0)
+    assert sum(seek_ball((1.0, pi))) == pytest.approx(0.0)
+
+
+def test_avoiding_backs_out_from_a_wall_ahead_and_drives_off_from_one_behind() -> None:
+    assert sum(avoid_wall((0.1, 0.2))) < 0.0
+    assert sum(avoid_wall((0.1, 3.0))) > 0.0
+    left, right = avoid_wall((0.1, 1.4))
+    assert left > right, "away from a wall on the left is to the right"
+
+
+def test_approaching_is_fastest_in_line_with_the_goal() -> None:
+    assert sum(approach((0.0, 0.0))) > sum(approach((0.0, 0.5))) > sum(approach((0.0, 1.0)))
+
+
+@pytest.mark.parametrize("behavior", sorted(INSTRUCTORS))
+def test_a_law_treats_left_and_right_alike(behavior: str) -> None:
+    law = INSTRUCTORS[behavior]
+    for first in (0.05, 0.15, 0.5):
+        for angle in (0.1, 0.9, 1.4, 2.5):
+            observed = (first, angle) if behavior != "approaching" else (angle, first)
+            mirrored = (first, -angle) if behavior != "approaching" else (-angle, -first)
+            left, right = law(observed)
+            assert law(mirrored) == pytest.approx((right, left))
+
+
+def test_the_hand_answers_what_it_saw_some_steps_ago() -> None:
+    hand = Hand(lambda seen: (seen[0], -seen[0]), Habits(2, 0.0, 0.0, 0.0), np.random.default_rng(0))
+    assert [hand.command((float(k), 0.0))[0] for k in range(5)] == [0.0, 0.0, 0.0, 1.0, 2.0]
+
+
+def test_a_steady_hand_follows_the_law() -> None:
+    hand = Hand(seek_ball, STEADY, np.random.default_rng(0))
+    assert hand.command((0.7, 0.3)) == seek_ball((0.7, 0.3))
+
+
+def test_the_same_generator_gives_the_same_commands_and_another_gives_others() -> None:
+    def commands(seed: int) -> list[tuple[float, float]]:
+        hand = Hand(seek_ball, Habits(), np.random.default_rng(seed))
+        return [hand.command((1.0, 0.01 * k)) for k in range(50)]
+
+    assert commands(1) == commands(1)
+    assert commands(1) != commands(2)
+
+
+def test_the_noise_is_smooth_and_as_large_as_it_says() -> None:
+    habits = Habits(0, 0.0, 3.0, 0.9)
+    hand = Hand(lambda _: (0.0, 0.0), habits, np.random.default_rng(1))
+    left = np.array([hand.command((0.0, 0.0))[0] for _ in range(20_000)])
+    assert left.std() == pytest.approx(3.0, rel=0.1)
+    assert np.corrcoef(left[:-1], left[1:])[0, 1] == pytest.approx(0.9, abs=0.02)
+
+
+def test_no_command_is_beyond_full() -> None:
+    hand = Hand(lambda _: (1000.0, -1000.0), Habits(), np.random.default_rng(0))
+    assert hand.command((0.0, 0.0)) == (MAX_WHEEL_RAD_S, -MAX_WHEEL_RAD_S)
+
+
+def test_a_behavior_without_an_instructor_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(BadInput, match="'dance' has no scripted instructor; there is one for: approaching"):
+        instructor_of("dance")

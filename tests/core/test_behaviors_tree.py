@@ -1,0 +1,167 @@
+"""Trees: half-open regions that tile the root, look-up, and everything a tree must not be."""
+
+from __future__ import annotations
+
+from math import inf, nan, nextafter
+from typing import Any
+
+import numpy as np
+import pytest
+from fbql_behaviors.core.observation import Feature
+from fbql_behaviors.core.tree import Leaf, Node, Split, Tree
+from fbql_common.core.errors import BadInput
+from hypothesis import given
+from hypothesis import strategies as st
+
+FEATURES = (Feature("distance", "m", 0.0, 4.0), Feature("bearing", "rad", -2.0, 2.0))
+LEAF = Leaf(1.0, 2.0, 3)
+
+
+def tree_of(nodes: list[Node], leaves: int, features: tuple[Feature, ...] = FEATURES) -> Tree:
+    return Tree("ball_seeking", features, tuple(nodes), tuple(Leaf(float(k), -float(k), k) for k in range(leaves)))
+
+
+def small() -> Tree:
+    """distance < 1: leaf 0 or 1 by bearing; else leaf 2."""
+    return tree_of([Split(0, 1.0, 1, 4), Split(1, 0.0, 2, 3), 0, 1, 2], 3)
+
+
+@st.composite
+def trees(draw: st.DrawFn) -> Tree:
+    nodes: list[Node] = []
+    leaves = 0
+
+    def grow(region: tuple[tuple[float, float], ...], depth: int) -> int:
+        nonlocal leaves
+        place = len(nodes)
+        nodes.append(0)
+        feature = draw(st.integers(0, 1))
+        low, high = region[feature]
+        if depth == 0 or high - low < 0.01 or draw(st.booleans()):
+            nodes[place] = leaves
+            leaves += 1
+            return place
+        threshold = low + (high - low) * draw(st.floats(0.1, 0.9))
+        before, after = region[:feature], region[feature + 1 :]
+        left = grow((*before, (low, threshold), *after), depth - 1)
+        right = grow((*before, (threshold, high), *after), depth - 1)
+        nodes[place] = Split(feature, threshold, left, right)
+        return place
+
+    grow(tuple((f.low, f.high) for f in FEATURES), 5)
+    return tree_of(nodes, leaves)
+
+
+POINTS = st.tuples(st.floats(0.0, 4.0, exclude_max=True), st.floats(-2.0, 2.0, exclude_max=True))
+
+
+def test_a_split_point_belongs_to_the_right_child() -> None:
+    tree = small()
+    assert tree.answer((1.0, 0.0)) == (2, 2.0, -2.0)
+    assert tree.answer((nextafter(1.0, 0.0), 0.0))[0] == 1
+    assert tree.answer((0.5, -5e-324))[0] == 0
+
+
+@given(trees(), POINTS)
+def test_a_point_is_in_exactly_one_leaf_and_that_is_the_answer(tree: Tree, point: tuple[float, float]) -> None:
+    inside = [
+        leaf_id
+        for leaf_id, region in enumerate(tree.regions())
+        if all(low <= x < high for x, (low, high) in zip(point, region, strict=True))
+    ]
+    assert inside == [tree.answer(point)[0]]
+
+
+@given(trees())
+def test_the_leaves_tile_the_root_region(tree: Tree) -> None:
+    areas = [(high - low) * (top - bottom) for (low, high), (bottom, top) in tree.regions()]
+    assert sum(areas) == pytest.approx(16.0)
+
+
+@given(trees(), st.lists(POINTS, min_size=1, max_size=20))
+def test_many_observations_at_once_are_answered_like_each(tree: Tree, points: list[tuple[float, float]]) -> None:
+    x = np.array(points)
+    assert tree.leaf_ids(x).tolist() == [tree.answer(point)[0] for point in points]
+    assert tree.references(x).tolist() == [list(tree.answer(point)[1:]) for point in points]
+
+
+@given(trees(), st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)))
+def test_outside_of_the_root_region_the_answer_is_that_of_the_clamped_point(
+    tree: Tree, point: tuple[float, float]
+) -> None:
+    clamped = tree.clamp(point)
+    assert tree.contains(clamped)
+    assert tree.answer(point) == tree.answer(clamped)
+    assert tree.contains(point) == (clamped == point)
+
+
+def test_the_upper_edge_of_the_root_region_is_outside_and_nan_is_nowhere() -> None:
+    tree = small()
+    assert tree.contains((0.0, -2.0))
+    assert not tree.contains((4.0, 0.0))
+    assert not tree.contains((nan, 0.0))
+
+
+def test_the_hash_tells_any_difference() -> None:
+    tree = small()
+    assert tree.hash == small().hash
+    assert len(tree.hash) == 64
+    others = [
+        Tree("other", FEATURES, tree.nodes, tree.leaves),
+        Tree("ball_seeking", FEATURES, tree.nodes, (*tree.leaves[:2], LEAF)),
+        Tree("ball_seeking", FEATURES, (tree.nodes[0], Split(1, 0.5, 2, 3), *tree.nodes[2:]), tree.leaves),
+        Tree("ball_seeking", FEATURES, tree.nodes, tree.leaves, {"seed": 1}),
+    ]
+    assert len({tree.hash, *(other.hash for other in others)}) == 5
+
+
+@pytest.mark.parametrize(
+    ("nodes", "leaves", "reason"),
+    [
+        ([], 1, "at least one node"),
+        ([0], 0, "at least one leaf"),
+        ([Split(0, 1.0, 1, 2), 0], 1, "child index 2 is outside"),
+        ([Split(0, 1.0, -1, 1), 0], 1, "child index -1 is outside"),
+        ([Split(0, 1.0, 0, 1), 0], 1, "node 0 is reached twice: a cycle"),
+        ([Split(0, 1.0, 1, 1), 0], 1, "node 1 is reached twice"),
+        ([Split(0, 1.0, 1, 2), 0, 0], 1, "leaf_id 0 stands in two nodes"),
+        ([Split(0, 1.0, 1, 2), 0, 2], 2, "leaf_id 2 is outside"),
+        ([Split(0, 1.0, 1, 2), 0, 1], 3, "leaf_id 2 stands in no node"),
+        ([0, 1], 2, "node 1 is not reached"),
+        ([Split(2, 1.0, 1, 2), 0, 1], 2, "feature 2 is outside"),
+        ([Split(0, nan, 1, 2), 0, 1], 2, "threshold nan is not inside"),
+        ([Split(0, 0.0, 1, 2), 0, 1], 2, r"threshold 0.0 is not inside of its region \(0.0, 4.0\)"),
+        ([Split(0, 4.0, 1, 2), 0, 1], 2, "threshold 4.0 is not inside"),
+        (
+            [Split(0, 1.0, 1, 2), Split(0, 2.0, 3, 4), 0, 1, 2],
+            3,
+            r"threshold 2.0 is not inside of its region \(0.0, 1.0\)",
+        ),
+    ],
+)
+def test_what_is_no_tree_is_refused_with_the_place(nodes: list[Node], leaves: int, reason: str) -> None:
+    with pytest.raises(BadInput, match=reason):
+        tree_of(nodes, leaves)
+
+
+@pytest.mark.parametrize(("low", "high"), [(1.0, 1.0), (2.0, 1.0), (nan, 1.0), (0.0, inf)])
+def test_a_feature_whose_low_is_not_below_its_high_is_refused(low: float, high: float) -> None:
+    with pytest.raises(BadInput, match="must be below high"):
+        tree_of([0], 1, (Feature("distance", "m", low, high),))
+
+
+@pytest.mark.parametrize("leaf", [Leaf(nan, 0.0, 1), Leaf(0.0, 88.1, 1), Leaf(-inf, 0.0, 1), Leaf(0.0, 0.0, -1)])
+def test_a_leaf_that_no_wheel_can_follow_is_refused(leaf: Any) -> None:
+    with pytest.raises(BadInput, match="leaf 0: "):
+        Tree("ball_seeking", FEATURES, (0,), (leaf,))
+
+
+def test_a_tree_as_deep_as_a_chain_is_walked_without_recursion() -> None:
+    depth = 3000
+    features = (Feature("x", "m", 0.0, float(depth)),)
+    nodes: list[Node] = []
+    for k in range(depth - 1):
+        nodes += [Split(0, float(k + 1), 2 * k + 1, 2 * k + 2), k]
+    nodes.append(depth - 1)
+    tree = Tree("chain", features, tuple(nodes), (LEAF,) * depth)
+    assert tree.answer((2500.5,))[0] == 2500
