@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import json
 import re
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 
 import pytest
+from fbql_behaviors.core.induction import InductionParameters
+from fbql_behaviors.core.instructors import Habits
+from fbql_behaviors.core.recipes import Recipe
+from fbql_fusion.core.parameters import PRESETS, FusionParameters
+from fbql_fusion.node_parameters import FusionNodeParameters
+from fbql_sim.core.parameters import SimulationParameters
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "ros2_ws" / "src"
@@ -37,6 +45,19 @@ MADE = ("ros2_ws/build", "ros2_ws/install", "ros2_ws/log")
 DOTTED = re.compile(r"fbql_\w+(?:\.\w+)+")
 MEMBER = re.compile(r"([A-Z]\w*[a-z]\w*)\.(?!md\b|msg\b|rst\b|srv\b|txt\b)([a-z_]\w*)")
 TEST = re.compile(r"(tests/[\w/]+\.py)::(\w+)")
+
+
+DECLARATIONS = {
+    declaration.__name__: declaration
+    for declaration in (
+        FusionNodeParameters,
+        FusionParameters,
+        Habits,
+        InductionParameters,
+        Recipe,
+        SimulationParameters,
+    )
+}
 
 
 def every_document() -> pytest.MarkDecorator:
@@ -134,13 +155,37 @@ def test_every_file_and_command_that_is_told_of_is_there(path: Path) -> None:
 @every_document()
 def test_every_name_in_the_code_that_is_told_of_is_there(path: Path) -> None:
     wrong: list[str] = []
-    for token in CODE.findall(FENCE.sub("", path.read_text())):
+    for code in CODE.findall(FENCE.sub("", path.read_text())):
+        token = code.partition(" = ")[0]
         if DOTTED.fullmatch(token) and not is_code(token):
             wrong.append(token)
         member = MEMBER.fullmatch(token)
         if member and member[2] not in classes().get(member[1], set()):
             wrong.append(token)
     assert not wrong
+
+
+def test_every_value_that_is_told_is_the_one_in_force() -> None:
+    text = FENCE.sub("", (ROOT / "docs" / "deviations.md").read_text())
+    told = [code.split(" = ") for code in CODE.findall(" ".join(text.split())) if " = " in code]
+    assert len(told) > 40
+    wrong = {name: value for name, value in told if not is_value(in_force(name), value)}
+    assert not wrong
+
+
+def in_force(name: str) -> object:
+    """The value of a declaration's default, or of a module's constant."""
+    place, _, member = name.rpartition(".")
+    if place in DECLARATIONS:
+        return getattr(DECLARATIONS[place](), member)
+    return getattr(importlib.import_module(place), member)
+
+
+def is_value(value: object, text: str) -> bool:
+    """Whether a text tells a value: a number or a fraction, or the words themselves."""
+    if isinstance(value, list):
+        return ", ".join(value) == text  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
+    return str(value) == text if isinstance(value, str) else float(Fraction(text)) == value
 
 
 @every_document()
@@ -164,6 +209,12 @@ def test_deviations_are_numbered_from_one_without_a_gap() -> None:
     numbers = [int(number) for number in re.findall(r"^#### (\d+)\.", text, flags=re.MULTILINE)]
     assert numbers == list(range(1, len(numbers) + 1))
     assert len(numbers) > 20
+
+
+def test_the_presets_are_as_told() -> None:
+    text = " ".join((ROOT / "docs" / "deviations.md").read_text().split())
+    for name, thresholds in PRESETS.items():
+        assert f"`{name}` ({thresholds.wall_m:g} m, {thresholds.approach_rad:g} rad)" in text
 
 
 def test_the_shipped_trees_are_as_told() -> None:
