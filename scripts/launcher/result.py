@@ -1,4 +1,4 @@
-"""The result of a match in words."""
+"""The result of a match in words, and what to do with it."""
 
 from __future__ import annotations
 
@@ -7,45 +7,66 @@ from pathlib import Path
 from typing import Any
 
 
-def _share(value: float | None) -> str:
-    return "n/a" if value is None else f"{100 * value:.0f} %"
-
-
-def _steps(value: float | None) -> str:
-    return "n/a" if value is None else f"{value:.0f} steps"
-
-
 def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float) -> str:
-    """The summary as a newcomer reads it."""
-    mean = summary["mean_steps_per_goal"]
-    seconds = "" if mean is None else f" ({mean * dt_s:.1f} s of play)"
-    lines = [
-        "",
-        f"Result of {summary['controller']}, seed {summary['seed']}: {summary['episodes']} episodes",
-        f"  goals          {summary['goals']:>6}    success rate {_share(summary['success_rate'])}",
-        f"  own goals      {summary['own_goals']:>6}",
-        f"  timeouts       {summary['timeouts']:>6}",
-        f"  a goal took    {_steps(mean):>12} on average{seconds}; all steps / goals: {_steps(summary['cost_per_goal'])}",
-        f"  collisions     {summary['collisions_begun']:>6}    ({summary['collision_steps']} steps in contact with a wall)",
-        f"  played         {summary['steps']:>6} steps in {summary['wall_s']:.1f} s: {summary['steps_per_s']:.0f} steps/s, "
-        f"{summary['steps_per_s'] * dt_s:.0f}x real time",
-        f"  digest         {summary['digest'][:16]}  (the same seed gives the same digest)",
-        f"  recording      {run} ({summary['messages_recorded']} messages)",
+    """The summary as a newcomer reads it.
+
+    Args:
+        run: the run directory.
+        dt_s: simulated time of one step [s].
+    """
+    episodes, goals, rate = summary["episodes"], summary["goals"], summary["success_rate"]
+    success = "" if rate is None else f", success rate {100 * rate:.0f} %"
+    mean, cost = summary["mean_steps_per_goal"], summary["cost_per_goal"]
+    took = "no goal" if mean is None else f"steps from start to goal on average ({mean * dt_s:.1f} s of play)"
+    cost_text = "no goal" if cost is None else "steps of all episodes, for each goal"
+    recorded = f"{summary['messages_recorded']} messages in" if summary["messages_recorded"] else "nothing recorded in"
+    rows = [
+        ("goals", goals, ""),
+        ("own goals", summary["own_goals"], ""),
+        ("timeouts", summary["timeouts"], "episodes that ended without a goal"),
+        ("a goal took", _number(mean), took),
+        ("a goal cost", _number(cost), cost_text),
+        ("collisions", summary["collisions_begun"], f"with a wall, {summary['collision_steps']} steps in contact"),
+        ("played", summary["steps"], f"steps{_pace(summary, dt_s)}"),
+        ("digest", summary["digest"][:12], "the same whenever this match is played again"),
+        ("recording", recorded, str(run)),
     ]
     if summary["incomplete"]:
-        lines.append("  THE RECORDING IS INCOMPLETE: see log/ in the run directory")
-    return "\n".join(lines)
+        rows.append(("", "INCOMPLETE:", f"not everything could be kept; see {run / 'log'}"))
+    title = f"{summary['controller']}, seed {summary['seed']}: {_count(goals, 'goal')} in {_count(episodes, 'episode')}{success}"
+    lines = [f"  {name:<12} {value!s:>12}  {meaning}".rstrip() for name, value, meaning in rows]
+    return "\n".join(["", title, "", *lines])
+
+
+def _number(value: float | None) -> str:
+    return "n/a" if value is None else f"{value:.0f}"
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+
+
+def _pace(summary: Mapping[str, Any], dt_s: float) -> str:
+    """How fast it was; nothing where nobody measured."""
+    if not summary["wall_s"]:
+        return ""
+    rate = summary["steps_per_s"]
+    return f" in {summary['wall_s']:.1f} s: {rate:.0f} steps/s, {rate * dt_s:.3g} times real time"
 
 
 def next_steps(summary: Mapping[str, Any], run: Path) -> str:
     """What to type next."""
-    other = "fbql_literal" if summary["controller"] == "subsumption" else "subsumption"
-    return "\n".join(
-        [
-            "",
-            "Next:",
-            f"  python3 scripts/bringup.py --controller {other}     another way to fuse the same behaviors",
-            "  python3 scripts/bringup.py --realtime 1 --goals 3     watch it in real time (RViz or Foxglove: /simulator/markers)",
-            f"  ros2 bag info {run}     (or open the .mcap in Foxglove)",
-        ]
-    )
+    bringup = "python3 scripts/bringup.py"
+    if (run / "policy.npz").is_file():
+        other = (
+            f"{bringup} --controller {summary['controller']} --policy {run / 'policy.npz'}",
+            "go on with what was learned",
+        )
+    elif summary["controller"] == "subsumption":
+        other = f"{bringup} --controller fbql_literal", "the same behaviors, fused by learning"
+    else:
+        other = bringup, "the same behaviors, by priorities instead"
+    steps = [other, (f"{bringup} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
+    if summary["messages_recorded"]:
+        steps.append((f"ros2 bag info {run}", f"what was recorded; Foxglove opens {run.name}_0.mcap in there"))
+    return "\n".join(["", "Next:", *(f"  {command}\n      {meaning}" for command, meaning in steps)])

@@ -14,6 +14,8 @@ from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.exceptions import InvalidParameterTypeException, NameValidationException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
@@ -98,8 +100,16 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
 
 def _spin(executor: EventsExecutor, nodes: Sequence[GraphNode], signals: _Signals) -> int:
     ended: Future = Future()
+
+    def end() -> None:
+        if not ended.done():
+            ended.set_result(None)
+
     for node in nodes:
-        node.finished.add_done_callback(lambda _: ended.done() or ended.set_result(None))
+        node.finished.add_done_callback(lambda _: end())
+    # An executor that always has something to do never comes to its timeout (nodes of one process in lockstep).
+    clock = Clock(clock_type=ClockType.STEADY_TIME)
+    nodes[0].create_timer(_PATIENCE_S, lambda: end() if signals.came else None, clock=clock)
     try:
         while not (signals.came or ended.done()):
             executor.spin_until_future_complete(ended, timeout_sec=_PATIENCE_S)
