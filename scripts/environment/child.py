@@ -16,7 +16,8 @@ from .progress import Step
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 POLL_S = 0.2
 PATIENCE_S = 3.0
-SHOWN_LINES = 15
+SHOWN_LINES = 40
+NOT_SHOWN = ("WARNING", "Looking in", " ", "[")
 ALMOST_FULL = 8 * 2**20
 
 NO_SPACE_WORDS = ("No space left on device", "Disk quota exceeded", "ENOSPC")
@@ -56,7 +57,10 @@ def explain(failure: ChildError, doing: str, root: Path) -> SetUpError:
             "the package index cannot be reached. Check the network, the proxy (https_proxy) and pip's index settings, "
             f"then start again; what was downloaded is kept. Log: {failure.log}"
         )
-    relevant = failed_part(output).rstrip().splitlines()[-SHOWN_LINES:]
+    failed = re.search(r"^Failed +<<< (\S+)", output, flags=re.MULTILINE)
+    if failed:
+        doing = f"building {failed[1]}"
+    relevant = [line for line in failed_part(output).splitlines() if line.strip()][-SHOWN_LINES:]
     return SetUpError(
         f"{doing} failed. Mend what is said above and start again. Log: {failure.log}", details="\n".join(relevant)
     )
@@ -137,11 +141,12 @@ def end_group(child: subprocess.Popen[bytes]) -> None:
 
 
 def last_line(log: Path) -> str:
-    """The last line of a log that is being written, without control characters."""
+    """The last line worth showing of a log that is being written, without control characters."""
     try:
         with log.open("rb") as file:
-            file.seek(max(0, os.fstat(file.fileno()).st_size - 500))
+            file.seek(max(0, os.fstat(file.fileno()).st_size - 8192))
             lines = file.read().decode(errors="replace").splitlines()
     except OSError:
         return ""
-    return "".join(character for character in (lines or [""])[-1].strip() if character.isprintable())
+    told = (line.strip() for line in reversed(lines) if not line.startswith(NOT_SHOWN))
+    return "".join(character for character in next(told, "") if character.isprintable())

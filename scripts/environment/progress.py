@@ -21,6 +21,7 @@ class Step:
 
     def __init__(self, number: int, count: int, text: str) -> None:
         self._label = f"[set-up {number}/{count}]"
+        self._text = text
         self._head = f"{self._label} {text} ..."
         self._started = time.monotonic()
         self._live = self._is_terminal()
@@ -33,7 +34,7 @@ class Step:
     def tick(self, detail: str = "") -> None:
         """Show the elapsed seconds and `detail` on the same line of a terminal; elsewhere say nothing."""
         if self._live:
-            line = f"{self._head} {time.monotonic() - self._started:.0f} s  {detail}"
+            line = f"{self._label} {time.monotonic() - self._started:3.0f} s  {self._text} ... {detail}"
             self._write("\r\x1b[K" + line[: shutil.get_terminal_size().columns - 1])
 
     def done(self) -> None:

@@ -78,7 +78,8 @@ class SetUp:
         stale = self.stale_packages()
         if stale:
             self.check_build_tools(stale)
-            todo.append((f"building {', '.join(stale)}", self.build))
+            names = ", ".join(stale) if len(stale) < 4 else f"{len(stale)} packages"
+            todo.append((f"building {names}", self.build))
         for number, (text, work) in enumerate(todo, start=1):
             step = Step(number, len(todo), text)
             try:

@@ -126,8 +126,8 @@ def test_a_kill_of_everything_at_any_moment_is_recovered_from(tmp_path: Path) ->
         checkout = make_checkout(tmp_path / f"checkout{attempt}")
         started = Started(checkout)
         started.wait_until_said("making")
-        with pytest.raises(subprocess.TimeoutExpired):
-            started.process.wait(rng.uniform(0.0, 8.0))
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            started.process.wait(rng.uniform(0.0, 7.0))
         kill_all_in(checkout)
         started.process.communicate(timeout=PATIENCE_S)
         said = start(checkout, *SPEAK, str(attempt))
