@@ -53,7 +53,7 @@ def test_the_only_behavior_left_drives_without_a_trigger(state, alone):
 
 def test_presets_are_thresholds_and_single_thresholds_replace_the_presets():
     assert FusionParameters(preset="paper").thresholds == (0.07, 2.2)
-    assert FusionParameters(preset="tuned").thresholds == (0.10, 0.3)
+    assert FusionParameters(preset="tuned").thresholds == (0.07, 0.10)
     assert FusionParameters(preset="paper", wall_threshold_m=0.2).thresholds == (0.2, 2.2)
     assert FusionParameters(preset="paper", approach_threshold_rad=0.0).thresholds == (0.07, 0.0)
 
