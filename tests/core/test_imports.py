@@ -206,3 +206,11 @@ def test_nothing_unpickles() -> None:
             if isinstance(node, ast.keyword) and node.arg == "allow_pickle" and ast.unparse(node.value) != "False"
         ]
     assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_declares_the_ros_packages_that_it_imports(package: str) -> None:
+    manifest = (SOURCE / package / "package.xml").read_text()
+    ros = {*ROS, *PACKAGES} - {package}
+    found = breaches(modules(package), lambda _, each: each.root not in ros or f"depend>{each.root}</" in manifest)
+    assert not found, "\n".join(found)

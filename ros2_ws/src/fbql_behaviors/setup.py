@@ -1,6 +1,6 @@
 """Name, version and the rest are read from package.xml, which is their one place."""
 
-from glob import glob
+from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
@@ -20,7 +20,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
-        (f"share/{name}/trees", sorted(glob("trees/*.json"))),
+        (f"share/{name}/trees", sorted(map(str, Path("trees").glob("*.json")))),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
