@@ -66,6 +66,14 @@ class NodeProcess:
         fields = Path(f"/proc/{self.popen.pid}/stat").read_text().rpartition(")")[2].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
+    def cpu_share(self, duration_s: float) -> float:
+        """Processor time it uses from now on, as a share of one core."""
+        began_s, used_s = monotonic(), self.cpu_s()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.popen.wait(duration_s)
+            pytest.fail(f"{self.name} ended with {self.popen.returncode}:\n{self.printed()}")
+        return (self.cpu_s() - used_s) / (monotonic() - began_s)
+
     def close(self) -> None:
         if self.popen.poll() is None:
             self.popen.kill()

@@ -53,11 +53,11 @@ class FusionNode(GraphNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("fusion", **options)
-        self._parameters, fusion = declare_all(self, FusionNodeParameters, FusionParameters)
-        policy = load_policy(Path(self._parameters.policy)) if self._parameters.policy else None
+        self._settings, fusion = declare_all(self, FusionNodeParameters, FusionParameters)
+        policy = load_policy(Path(self._settings.policy)) if self._settings.policy else None
         self._session = Session(fusion, policy)
         self._assembly = StepAssembly(fusion.behaviors)
-        self._episodes = Episodes(self, self._session, self._assembly, self._parameters.world_timeout_s)
+        self._episodes = Episodes(self, self._session, self._assembly, self._settings.world_timeout_s)
 
         self._command_publisher = self.create_publisher(WheelCommandMsg, WHEEL_COMMAND, STEP_QOS)
         self._decision_publisher = self.create_publisher(FusionDecision, DECISION, STEP_QOS)
@@ -71,7 +71,7 @@ class FusionNode(GraphNode):
         self._inputs = (self._world_input, *output_inputs)
         self._status = Status(self._session, self._inputs)
         self.create_service(SavePolicy, "~/save_policy", self._on_save_policy)
-        self._run = Run(self._parameters, self._session, self.resolve_topic_name, self.get_logger().error)
+        self._run = Run(self._settings, self._session, self.resolve_topic_name, self.get_logger().error)
 
         self._started = False
         self._command: WheelCommand | None = None
@@ -82,7 +82,7 @@ class FusionNode(GraphNode):
         """Behaviors that were said to be missing in this episode."""
         self._began_s = self._checked_s = self._said_s = monotonic()
         self._check_timer = steady_timer(self, _CHECK_PERIOD_S, self._check)
-        self._flush_timer = steady_timer(self, self._parameters.flush_period_s, self._run.flush)
+        self._flush_timer = steady_timer(self, self._settings.flush_period_s, self._run.flush)
         self.get_logger().info(f"fusion: {fusion.controller} of {', '.join(fusion.behaviors)}; run in {self._run.path}")
 
     # The step
@@ -170,7 +170,7 @@ class FusionNode(GraphNode):
 
     def _check_behaviors(self, now: float) -> None:
         """Behaviors that do not answer: the step is decided without them, or ends the run (see the parameters)."""
-        late_s, end_s = self._parameters.behavior_timeout_s, self._parameters.lockstep_timeout_s
+        late_s, end_s = self._settings.behavior_timeout_s, self._settings.lockstep_timeout_s
         waited_s = now - self._began_s
         if 0 < end_s < waited_s:
             self.get_logger().error(f"no answer from {', '.join(self._assembly.missing())} within {end_s:g} s")
@@ -195,7 +195,7 @@ class FusionNode(GraphNode):
         self._decide(step)
 
     def _check_world(self, now: float) -> None:
-        timeout_s = self._parameters.world_timeout_s
+        timeout_s = self._settings.world_timeout_s
         if now - self._episodes.heard_s > timeout_s:
             self.get_logger().warning(f"no world state of the episode for {timeout_s:g} s: the wheels are stopped")
             self._stop_wheels()

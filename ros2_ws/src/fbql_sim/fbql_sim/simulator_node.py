@@ -68,10 +68,10 @@ class SimulatorNode(GraphNode):
 
     def __init__(self, **options: Any) -> None:
         super().__init__("simulator", **options)
-        self._parameters, simulation = declare_all(self, SimulatorNodeParameters, SimulationParameters)
+        self._settings, simulation = declare_all(self, SimulatorNodeParameters, SimulationParameters)
         self._loop = WorldLoop(simulation)
-        self._world = self._loop.reset(IDLE_EPISODE, self._parameters.seed)
-        self._seed = self._parameters.seed
+        self._world = self._loop.reset(IDLE_EPISODE, self._settings.seed)
+        self._seed = self._settings.seed
         self._command: WheelCommand | None = None
         self._command_s = float("-inf")
         self._stopped = False
@@ -80,16 +80,16 @@ class SimulatorNode(GraphNode):
         self._steps = 0
         self._missed_ticks = 0
         self._publisher = self.create_publisher(WorldState, WORLD, STEP_QOS)
-        self._views = Views(self, always=self._parameters.realtime > 0)
+        self._views = Views(self, always=self._settings.realtime > 0)
         self._input = Input(self, WheelCommand, WHEEL_COMMAND, decode_command, self._on_command, STEP_QOS)
         self.create_service(ResetEpisode, "~/reset_episode", self._on_reset)
-        self._speed = self._parameters.realtime
+        self._speed = self._settings.realtime
         if self._speed > 0:
             self._period_s = self._loop.dt_s / self._speed
             # In slow motion a command of the last step is older than the limit before the next one comes.
-            self._patience_s = self._parameters.command_timeout_s * max(1.0, 1.0 / self._speed)
+            self._patience_s = self._settings.command_timeout_s * max(1.0, 1.0 / self._speed)
             self._timer = steady_timer(self, self._period_s, self._tick)
-        self._watch = steady_timer(self, min(self._parameters.request_period_s, 0.25), self._check)
+        self._watch = steady_timer(self, min(self._settings.request_period_s, 0.25), self._check)
         mode = f"{self._speed:g}x real time" if self._speed > 0 else "lockstep"
         self.get_logger().info(f"simulator: {mode}, step {1e3 * self._loop.dt_s:.1f} ms")
 
@@ -167,7 +167,7 @@ class SimulatorNode(GraphNode):
         if self._input.received == 0 and self._input.publishers() == 0:
             self._input.check_types()
         now = monotonic()
-        timeout_s = self._parameters.lockstep_timeout_s
+        timeout_s = self._settings.lockstep_timeout_s
         under_way = self._world.episode >= 0 and not self._world.ended and self._speed == 0
         if under_way and 0 < timeout_s < now - self._stepped_s:
             self.get_logger().error(
@@ -175,7 +175,7 @@ class SimulatorNode(GraphNode):
                 f"within {timeout_s:g} s; publishers there: {self._input.publishers()}"
             )
             self.finish(FAILED)
-        elif now - self._published_s >= self._parameters.request_period_s:
+        elif now - self._published_s >= self._settings.request_period_s:
             self._publish()
 
     def _counts(self) -> dict[str, int]:
