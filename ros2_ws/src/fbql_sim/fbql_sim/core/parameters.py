@@ -52,16 +52,16 @@ class SimulationParameters:
         0.05, "robot's least distance to its goal line", unit="m", low=0.04, high=0.5
     )
     start_distance_high_m: float = parameter(
-        0.15, "robot's largest distance to its goal line", unit="m", low=0.04, high=0.5
+        0.15, "robot's largest distance to its goal line", unit="m", low=0.04, high=2.15
     )
     start_robot_y_jitter_m: float = parameter(
-        0.05, "largest |y| of the robot at the start", unit="m", low=0.0, high=0.5
+        0.05, "largest |y| of the robot at the start", unit="m", low=0.0, high=0.85
     )
     start_yaw_jitter_rad: float = parameter(
         0.2, "largest |yaw| of the robot at the start", unit="rad", low=0.0, high=3.2
     )
     start_ball_jitter_m: float = parameter(
-        0.05, "ball's largest distance to its spot along x and along y", unit="m", low=0.0, high=0.2
+        0.05, "ball's largest distance to its spot along x and along y", unit="m", low=0.0, high=0.28
     )
     wheel_gain_deviation: float = parameter(
         0.02, "standard deviation of each wheel's gain, constant in an episode", low=0.0, high=0.2
