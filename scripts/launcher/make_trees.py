@@ -26,10 +26,10 @@ INDUCTION_SEED = 1
 SHIPPED = ROOT / "ros2_ws" / "src" / "fbql_behaviors" / "trees"
 
 
-def make_tree(behavior: str) -> Induced:
-    """The tree of a behavior that ships."""
+def make_tree(behavior: str, demonstration_seed: int = DEMONSTRATION_SEED) -> Induced:
+    """A behavior's tree by its recipe; with the default seed the one that ships."""
     recipe = RECIPES[behavior]
-    demonstrations = instruct(behavior, DEMONSTRATION_SEED, recipe.demonstrations, recipe.steps)
+    demonstrations = instruct(behavior, demonstration_seed, recipe.demonstrations, recipe.steps)
     patterns = patterns_of(demonstrations, OBSERVATIONS[behavior], recipe.every, recipe.patterns)
     return induce(behavior, patterns, recipe.induction, INDUCTION_SEED)
 
