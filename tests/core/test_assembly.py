@@ -107,6 +107,14 @@ def test_answers_of_the_episode_before_are_forgotten():
     assert assembly.missing() == list(NAMES)
 
 
+def test_answers_to_an_earlier_play_of_the_episode_are_forgotten():
+    assembly, world = assembly_at(), world_of(0)
+    answer_all(assembly, world)
+    assembly.begin(0)
+    assembly.add_world(world, b"")
+    assert assembly.missing() == list(NAMES)
+
+
 def test_answer_with_the_stamp_of_a_step_but_another_number_is_none():
     for world_first in (True, False):
         assembly, world = assembly_at(4), world_of(5)
@@ -163,6 +171,16 @@ def test_steps_may_overlap_and_the_newest_complete_one_ends_those_before():
     assert assembly.complete() is None
     answer_all(assembly, worlds[2])
     assert assembly.complete().world == worlds[2]
+
+
+def test_newest_step_is_decided_when_several_are_complete_without_the_dropped():
+    assembly = assembly_at(4)
+    worlds = [world_of(step) for step in (5, 6)]
+    for world in worlds:
+        assembly.add_world(world, b"")
+        answer_all(assembly, world, [0, 2])
+    assembly.drop_missing()
+    assert assembly.complete().world == worlds[1]
 
 
 def test_memory_does_not_grow_with_stray_messages():

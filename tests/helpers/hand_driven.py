@@ -5,6 +5,7 @@ No test sleeps: `Bench.until` spins until something is so, for a bounded time, a
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -159,8 +160,9 @@ def listen(node: Node, kind: type[Any], topic: str) -> Heard:
     heard = Heard()
 
     def keep(data: bytes) -> None:
-        heard.data.append(data)
-        heard.append(DECODE[kind](data))
+        with contextlib.suppress(Rejected):
+            heard.append(DECODE[kind](data))
+            heard.data.append(data)
 
     node.create_subscription(MESSAGES[kind], topic, keep, STEP_QOS, raw=True)
     return heard
@@ -207,7 +209,7 @@ class FakeSimulator(Node):
 
 
 class FakeBehavior(Node):
-    """Answers every sound world state, unless `silent`; keeps them."""
+    """Answers every sound world state, unless `silent`; keeps them, and its answers when they have come back."""
 
     def __init__(self, index: int, **options: Any) -> None:
         super().__init__(BEHAVIORS[index], **options)
@@ -215,7 +217,9 @@ class FakeBehavior(Node):
         self.silent = False
         self.fields: dict[str, Any] = {}
         self.worlds: list[World] = []
-        self.publisher = self.create_publisher(MESSAGES[BehaviorOutput], behavior_topic(BEHAVIORS[index]), STEP_QOS)
+        topic = behavior_topic(BEHAVIORS[index])
+        self.publisher = self.create_publisher(MESSAGES[BehaviorOutput], topic, STEP_QOS)
+        self.answered = listen(self, BehaviorOutput, topic)
         self.create_subscription(MESSAGES[World], WORLD, self._on_world, STEP_QOS, raw=True)
 
     def _on_world(self, data: bytes) -> None:

@@ -241,6 +241,18 @@ def test_weights_that_are_no_weights_become_uniform(make_team, weights):
     assert team.simulator.commands[-1].left_rad_s == pytest.approx(20.0)
 
 
+def test_answers_from_another_tree_than_before_are_not_used_and_said(make_team, bench):
+    team = make_team(controller="uniform")
+    team.play(1)
+    team.behaviors[0].fields = {"tree_hash": "dd" * 32}
+    team.play(2)
+    assert team.decisions[-1].joint_state == (NO_LEAF, 1, 2) and team.decisions[-1].degraded
+    bench.until_said("not used so far: 1 answers from another tree than the behavior's first")
+    team.behaviors[0].fields = {}
+    team.play(3)
+    assert team.decisions[-1].joint_state == (0, 1, 2)
+
+
 # What does not come
 
 
@@ -334,6 +346,14 @@ def test_behavior_that_answers_again_is_waited_for_again(make_team, bench):
     assert team.decisions[-1].joint_state == (0, 1, 2)
 
 
+def test_world_that_does_not_come_ends_the_run_where_it_may_not_wait_for_ever(make_team, bench):
+    team = make_team(lockstep_timeout_s=0.3)
+    team.play(1)
+    bench.until(team.fusion.finished.done, "the run to end")
+    assert team.fusion.finished.result() == FAILED
+    assert f"no world state of the episode on {bench.namespace}/world within 0.3 s" in bench.said()
+
+
 def test_late_answers_do_not_make_fusion_wait_at_every_step(make_team, bench):
     team = make_team(behavior_timeout_s=0.1)
     team.silence(1)
@@ -342,6 +362,20 @@ def test_late_answers_do_not_make_fusion_wait_at_every_step(make_team, bench):
     shown_s = monotonic()
     team.play(4, 5, 6)
     assert monotonic() - shown_s < 0.25
+
+
+def test_behavior_that_is_always_a_little_late_is_said_once_an_episode(make_team, bench):
+    team = make_team(behavior_timeout_s=0.1)
+    team.silence(1)
+    for step in (1, 2, 3):
+        world = team.simulator.show(0, step)
+        shown_s = monotonic()
+        team.decided(step)
+        assert monotonic() - shown_s > 0.1, "it was not waited for"
+        team.behaviors[1].answer(world)
+        answered = team.behaviors[1].answered
+        bench.until(lambda answered=answered, step=step: answered[-1].step == step, "the late answer")
+    assert bench.said().count("no answer from wall_avoiding") == 1
 
 
 def test_time_out_is_not_put_off_by_world_states_that_come_again(make_team, bench):
@@ -391,6 +425,21 @@ def test_pipeline_slower_than_the_step_decides_every_step(make_team, bench):
             behavior.answer(world)
     team.decided(3)
     assert [decision.step for decision in team.decisions] == [0, 1, 2, 3]
+    assert not team.decisions[-1].degraded
+
+
+def test_pipeline_that_moves_on_is_not_late(make_team, bench):
+    team = make_team(behavior_timeout_s=0.1)
+    team.silence(0, 1, 2)
+    began_s = monotonic()
+    world = team.simulator.show(0, 1)
+    while monotonic() < began_s + 0.4:
+        following = team.simulator.show(0, world.step + 1)
+        bench.until(lambda: team.behaviors[2].worlds[-1].stamp_ns == team.simulator.stamp_ns, "the world state")
+        for behavior in team.behaviors:
+            behavior.answer(world)
+        team.decided(world.step)
+        world = following
     assert not team.decisions[-1].degraded
 
 

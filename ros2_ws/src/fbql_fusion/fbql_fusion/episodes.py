@@ -34,7 +34,9 @@ class Episodes:
         self.service = node.resolve_service_name(RESET_EPISODE)
         self._asked: tuple[int, int] | None = None
         """The episode and seed that the simulator was asked for and has not granted yet."""
-        self._asked_s = self.heard_s = float("-inf")
+        self._asked_s = float("-inf")
+        self.heard_s = float("-inf")
+        """When the episode's last world state came, or, before that, when it was asked for or granted."""
         self.under_way = False
         """Whether an episode was granted and has not ended."""
 
@@ -69,6 +71,7 @@ class Episodes:
 
     def _begin(self, asked: tuple[int, int]) -> None:
         self._asked, self._asked_s = asked, float("-inf")
+        self.heard_s = monotonic()
         self._assembly.begin(asked[0])
         self._ask(asked)
 

@@ -80,6 +80,7 @@ class FusionNode(GraphNode):
         self._stopped = True
         self._given_up: set[str] = set()
         """Behaviors that were said to be missing in this episode."""
+        self._rejected = 0
         self._began_s = self._checked_s = self._said_s = monotonic()
         self._check_timer = steady_timer(self, _CHECK_PERIOD_S, self._check)
         self._flush_timer = steady_timer(self, self._settings.flush_period_s, self._run.flush)
@@ -143,7 +144,9 @@ class FusionNode(GraphNode):
         stood_still_s = now - self._checked_s - _CHECK_PERIOD_S
         self._checked_s = now
         if stood_still_s > _CHECK_PERIOD_S:
-            self._began_s += stood_still_s  # in that time it was this process that kept the others waiting
+            # In that time it was this process that kept the others waiting.
+            self._began_s += stood_still_s
+            self._episodes.heard_s += stood_still_s
         self._status.publish_due(now, self._diagnostics, self)
         if not self._started:
             self._start(now)
@@ -151,8 +154,10 @@ class FusionNode(GraphNode):
         self._episodes.check(now)
         if self._assembly.oldest() is not None:
             self._check_behaviors(now)
-        if not self._stopped and self._episodes.under_way:
-            self._check_world(now)
+        self._check_world(now)
+        if self._session.rejections.total > self._rejected:
+            self._rejected = self._session.rejections.total
+            self.get_logger().error(f"not used so far: {self._session.rejections}", throttle_duration_sec=1.0)
 
     def _start(self, now: float) -> None:
         missing = [source.topic for source in self._inputs if source.publishers() == 0]
@@ -195,9 +200,14 @@ class FusionNode(GraphNode):
         self._decide(step)
 
     def _check_world(self, now: float) -> None:
-        timeout_s = self._settings.world_timeout_s
-        if now - self._episodes.heard_s > timeout_s:
-            self.get_logger().warning(f"no world state of the episode for {timeout_s:g} s: the wheels are stopped")
+        """World states that do not come: the wheels are stopped, and the run may end (see the parameters)."""
+        stop_s, end_s = self._settings.world_timeout_s, self._settings.lockstep_timeout_s
+        waited_s = now - self._episodes.heard_s
+        if 0 < end_s < waited_s:
+            self.get_logger().error(f"no world state of the episode on {self._world_input.topic} within {end_s:g} s")
+            self.finish(FAILED)
+        elif not self._stopped and self._episodes.under_way and waited_s > stop_s:
+            self.get_logger().warning(f"no world state of the episode for {stop_s:g} s: the wheels are stopped")
             self._stop_wheels()
 
     def _stop_wheels(self) -> None:

@@ -31,7 +31,7 @@ class FusionNodeParameters:
     )
     lockstep_timeout_s: float = parameter(
         0.0,
-        "a step whose answers take longer than this ends the run; 0: waits for ever",
+        "a step whose answers, or whose world state, take longer than this ends the run; 0: waits for ever",
         unit="s",
         low=0.0,
         high=3600.0,

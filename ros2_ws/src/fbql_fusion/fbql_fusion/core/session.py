@@ -37,6 +37,21 @@ class Rejections:
     weights: int = 0
     """Weights of a wrong number or not finite: uniform ones took their place."""
 
+    @property
+    def total(self) -> int:
+        """All of them."""
+        return self.leaf_ids + self.references + self.trees + self.weights
+
+    def __str__(self) -> str:
+        """Those that happened, in words."""
+        words = {
+            "answers with a leaf that the tree has not": self.leaf_ids,
+            "answers with a reference that is not finite": self.references,
+            "answers from another tree than the behavior's first": self.trees,
+            "sets of weights that were none": self.weights,
+        }
+        return ", ".join(f"{count} {what}" for what, count in words.items() if count)
+
 
 def episode_seed(run_seed: int, episode: int) -> int:
     """The seed of an episode, 0 .. 2^63 - 1: the same whatever happened in the episodes before."""
