@@ -11,6 +11,7 @@ from pathlib import Path
 from . import virtual, workspace
 from .errors import SetUpError
 from .process import process_environment
+from .progress import write
 from .target import Target, target_for
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,15 +36,23 @@ def enter(name: str, *, purpose: str = "run", package: str = "launcher") -> None
 
 def environment_or_exit(purpose: str = "run") -> tuple[Target, dict[str, str]]:
     """The environment, made if need be, and the variables of a process in it; on an error one line and exit code 2."""
+    open_standard_streams()
     try:
         return ensured_environment(ROOT, purpose, os.environ)
     except SetUpError as error:
         details = f"{error.details}\n" if error.details else ""
-        sys.stderr.write(f"{details}fbql: {error}\n")
+        write(f"{details}fbql: {error}\n")
         sys.exit(2)
     except KeyboardInterrupt:
-        sys.stderr.write("fbql: the set-up was interrupted; the next start goes on with it.\n")
+        write("fbql: the set-up was interrupted; the next start goes on with it.\n")
         sys.exit(130)
+
+
+def open_standard_streams() -> None:
+    """Open /dev/null for those of stdin, stdout and stderr that are closed: no other file must get their numbers."""
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
+        os.set_inheritable(descriptor, True)
+    os.close(descriptor)
 
 
 def ensured_environment(root: Path, purpose: str, environ: Mapping[str, str]) -> tuple[Target, dict[str, str]]:

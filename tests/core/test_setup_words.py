@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
+import sys
 from pathlib import Path
 
 import pytest
 from environment.child import ChildError, explain
 from environment.errors import from_os_error
-
-ROOT = Path(__file__).resolve().parents[2]
+from environment.progress import Step, say
 
 
 @pytest.mark.parametrize(
@@ -64,3 +65,45 @@ def test_any_other_failure_shows_the_end_of_what_the_failed_package_wrote(tmp_pa
     assert error.details == "msg/A.msg:1: syntax"
     assert "building bad failed" in str(error)
     assert str(tmp_path / "log") in str(error)
+
+
+class Terminal(io.StringIO):
+    """A stderr that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_on_a_terminal_a_step_keeps_to_one_line_of_its_width(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "40")
+    step = Step(2, 3, "installing 160 packages")
+    step.tick("Collecting something with a long name")
+    step.done()
+    shown = [line.removeprefix("\x1b[K") for line in terminal.getvalue().split("\r")]
+    assert shown[0] == "[set-up 2/3] installing 160 packages ..."
+    assert shown[1] == "[set-up 2/3]   0 s  installing 160 pack"
+    assert shown[2] == "[set-up 2/3] installing 160 packages ... 0.0 s\n"
+
+
+def test_elsewhere_a_step_is_two_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    file = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", file)
+    step = Step(1, 1, "building a")
+    step.tick("Starting >>> a")
+    step.done()
+    assert file.getvalue() == "[set-up 1/1] building a ...\n[set-up 1/1] done in 0.0 s\n"
+
+
+def test_a_stderr_that_is_gone_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    gone = io.StringIO()
+    gone.close()
+    monkeypatch.setattr(sys, "stderr", gone)
+    with pytest.raises(ValueError, match="closed"):
+        gone.write("")
+    for stderr in (gone, None):
+        monkeypatch.setattr(sys, "stderr", stderr)
+        say("nobody hears this")
+        Step(1, 1, "nor this").done()

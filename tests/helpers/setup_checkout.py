@@ -12,6 +12,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 REAL_PYTHON = Path(sys.base_prefix) / "bin" / "python3.12"
 START_TIMEOUT_S = 240
@@ -97,6 +99,7 @@ def fresh_environment(**changes: str) -> dict[str, str]:
     environ = {name: value for name, value in os.environ.items() if name not in dropped}
     entries = environ["PATH"].split(os.pathsep)
     environ["PATH"] = os.pathsep.join(entry for entry in entries if not Path(entry).is_relative_to(sys.prefix))
+    environ["PIP_NO_COMPILE"] = "1"  # for what is thrown away at once, bytecode is not worth its time
     return {**environ, **changes}
 
 
@@ -108,6 +111,14 @@ def command(checkout: Path, script: str, *arguments: str) -> list[str]:
 def start(checkout: Path, script: str, *arguments: str, **changes: str) -> subprocess.CompletedProcess[str]:
     """Start a script of `checkout` in a fresh environment and wait for its end."""
     return run(command(checkout, script, *arguments), fresh_environment(**changes))
+
+
+def in_mount_namespace(script: str) -> subprocess.CompletedProcess[str]:
+    """Run a shell script that may mount what nobody else sees; skips the test where that is not allowed."""
+    namespace = ["unshare", "--user", "--map-root-user", "--mount"]
+    if shutil.which("unshare") is None or run([*namespace, "true"], fresh_environment()).returncode:
+        pytest.skip("needs user namespaces, to mount file systems")
+    return run([*namespace, "sh", "-c", script], fresh_environment())
 
 
 def run(arguments: Sequence[str], environ: dict[str, str]) -> subprocess.CompletedProcess[str]:

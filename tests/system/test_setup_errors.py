@@ -4,16 +4,13 @@ file systems, a real closed port.
 
 from __future__ import annotations
 
-import shutil
 import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from setup_checkout import command, fresh_environment, make_checkout, run, start, write_package
-
-NAMESPACE = ["unshare", "--user", "--map-root-user", "--mount"]
+from setup_checkout import command, fresh_environment, in_mount_namespace, make_checkout, run, start, write_package
 
 
 def only_line(said: subprocess.CompletedProcess[str]) -> str:
@@ -42,9 +39,7 @@ def test_missing_compiler_and_cmake_are_told_before_anything_is_made(checkout: P
     assert not (checkout / ".venv").exists()
 
 
-def test_without_a_network_the_line_says_what_to_check_and_a_later_start_succeeds(
-    checkout: Path, tmp_path: Path
-) -> None:
+def test_without_a_network_the_line_says_what_to_check(checkout: Path, tmp_path: Path) -> None:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         closed = f"http://127.0.0.1:{probe.getsockname()[1]}/simple"
@@ -53,18 +48,15 @@ def test_without_a_network_the_line_says_what_to_check_and_a_later_start_succeed
     line = only_line(start(checkout, "ros2", "pkg", "list", **pip, **uv, PIP_NO_CACHE_DIR="1"))
     assert "the package index cannot be reached" in line
     assert "start again" in line
-    said = start(checkout, "ros2", "pkg", "list")
-    assert (said.returncode, said.stdout) == (0, "speaker\n"), said.stderr
+    assert not (checkout / ".venv").exists()
 
 
 def in_mounted_copy(checkout: Path, place: Path, size: str, then: str) -> subprocess.CompletedProcess[str]:
     """Start in a copy of `checkout` on a file system of `size` at `place`, after the shell command `then`."""
-    if shutil.which("unshare") is None or run([*NAMESPACE, "true"], fresh_environment()).returncode:
-        pytest.skip("needs user namespaces, to mount a small file system")
     place.mkdir()
     words = " ".join(command(place, "ros2", "pkg", "list"))
     script = f"mount -t tmpfs -o size={size} none {place} && cp -r {checkout}/. {place} && {then} && {words}"
-    return run([*NAMESPACE, "sh", "-c", script], fresh_environment())
+    return in_mount_namespace(script)
 
 
 @pytest.mark.parametrize("size", ["400k", "6m", "40m"])

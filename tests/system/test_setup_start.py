@@ -11,7 +11,17 @@ from typing import NamedTuple
 
 import pytest
 from environment import virtual
-from setup_checkout import ROOT, START_TIMEOUT_S, command, fresh_environment, make_checkout, run, start, write_package
+from setup_checkout import (
+    ROOT,
+    START_TIMEOUT_S,
+    command,
+    fresh_environment,
+    in_mount_namespace,
+    make_checkout,
+    run,
+    start,
+    write_package,
+)
 
 SPEAK = ("ros2", "run", "speaker", "speak")
 
@@ -83,6 +93,22 @@ def test_the_second_start_says_nothing_and_is_over_within_a_second(checkout: Pat
         seconds.append(time.perf_counter() - started)
         assert (said.stdout, said.stderr) == ("speaks\n", "")
     assert min(seconds) < 1.0
+
+
+def test_closed_standard_streams_are_no_hindrance(checkout: Path) -> None:
+    (checkout / "ros2_ws/src/speaker/speaker/new.py").touch()
+    words = " ".join(command(checkout, *SPEAK))
+    said = run(["sh", "-c", f"{words} <&- 2>&-"], fresh_environment())
+    assert (said.returncode, said.stdout, said.stderr) == (7, "speaks\n", "")
+
+
+def test_a_checkout_that_is_set_up_starts_from_a_read_only_file_system(checkout: Path) -> None:
+    words = " ".join(command(checkout, *SPEAK))
+    said = in_mount_namespace(
+        f"mount --bind {checkout} {checkout} && mount -o remount,bind,ro {checkout} && "
+        f"! touch {checkout}/x 2> /dev/null && {words}"
+    )
+    assert (said.returncode, said.stdout, said.stderr) == (7, "speaks\n", "")
 
 
 def test_an_edited_a_new_and_a_removed_source_file_are_taken_up_by_the_next_start(checkout: Path) -> None:
