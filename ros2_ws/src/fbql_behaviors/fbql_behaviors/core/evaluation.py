@@ -5,6 +5,8 @@ Class error says little here: with 841 classes a neighbouring class is a miss, a
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fbql_behaviors.core.induction import InductionParameters, induce
@@ -26,17 +28,22 @@ def wheel_errors(tree: Tree, patterns: Patterns) -> np.ndarray[tuple[int, int], 
 
 
 def held_out_rmse(behavior: str, patterns: Patterns, parameters: InductionParameters, seed: int) -> float | None:
+    """The cross-validated error [levels] of induction with these parameters."""
+    return cross_validated_rmse(patterns, lambda part: induce(behavior, part, parameters, seed).tree)
+
+
+def cross_validated_rmse(patterns: Patterns, make: Callable[[Patterns], Tree]) -> float | None:
     """The error [levels] on demonstrations that a tree has not seen: cross-validated in `FOLDS` folds.
 
-    Demonstration k is held out in fold k mod FOLDS, whole, since its patterns resemble each other. None when there are not
-    two demonstrations.
+    `make` makes the tree of the patterns that it is given. Demonstration k is held out in fold k mod FOLDS, whole, since its
+    patterns resemble each other. None when there are not two demonstrations.
     """
     numbers = np.unique(patterns.demonstration)
     if len(numbers) < 2:
         return None
     fold = np.searchsorted(numbers, patterns.demonstration) % FOLDS
     errors = [
-        wheel_errors(induce(behavior, patterns.select(fold != k), parameters, seed).tree, patterns.select(fold == k))
+        wheel_errors(make(patterns.select(fold != k)), patterns.select(fold == k))
         for k in range(min(FOLDS, len(numbers)))
     ]
     return _root_mean_square(np.concatenate(errors))

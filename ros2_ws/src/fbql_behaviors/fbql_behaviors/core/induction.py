@@ -98,7 +98,7 @@ def induce(behavior: str, patterns: Patterns, parameters: InductionParameters, s
 def plan(boxes: Boxes, parameters: InductionParameters) -> Values:
     """Exact dynamic programming: from the finest grid to the root, V = max(0, R + gamma * successors)."""
     reward, offered = split_rewards(boxes, parameters)
-    share = _children_share(parameters)
+    share = children_share(parameters)
     value = np.zeros(len(boxes))
     best = np.full(len(boxes), NO_SPLIT)
     for begin, end in reversed(boxes.grids):
@@ -125,7 +125,7 @@ def learn(boxes: Boxes, parameters: InductionParameters, rng: np.random.Generato
     q = [[hope] * len(available) for hope, available in zip(hopes, options, strict=True)]
     best = [max(0.0, *values) if values else 0.0 for values in q]
     update = q_update if parameters.update == "converging" else q_update_printed
-    share, discount, alpha = _children_share(parameters), parameters.discount, parameters.learning_rate
+    share, discount, alpha = children_share(parameters), parameters.discount, parameters.learning_rate
     uniform = _uniforms(rng)
     curve: list[float] = []
     for trial in range(parameters.trials):
@@ -180,7 +180,8 @@ def gain_weight(boxes: Boxes, parameters: InductionParameters) -> npt.NDArray[np
     return boxes.count / boxes.count[0]
 
 
-def _children_share(parameters: InductionParameters) -> float:
+def children_share(parameters: InductionParameters) -> float:
+    """What the children's values count: a half each as printed, whole with the weighted objective."""
     return 0.5 if parameters.objective == "printed" else 1.0
 
 

@@ -1,0 +1,80 @@
+"""CART by scikit-learn, to hold our induction against: the same patterns, the same measure, and a tree of ours in the end.
+
+It is a DecisionTreeRegressor of both wheels' levels, grown best split first, so that its size is a number of leaves. Without
+a given size, cross-validation by demonstration chooses one. scikit-learn is needed for this alone.
+"""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from fbql_common.core.errors import BadInput
+
+from fbql_behaviors.core.evaluation import cross_validated_rmse
+from fbql_behaviors.core.patterns import Patterns
+from fbql_behaviors.core.quantizer import LEVEL_RAD_S, levels_of_classes
+from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.sklearn_trees import from_sklearn
+
+LEAF_COUNTS = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64, 91, 128, 181, 256)
+"""The sizes that cross-validation tries: each about 1.4 times the one before."""
+
+
+class Cart(NamedTuple):
+    """A CART tree, and the held-out error [levels] of each size that was tried on the way to it."""
+
+    tree: Tree
+    tried: dict[int, float]
+
+
+def grow_cart(behavior: str, patterns: Patterns, seed: int, leaves: int | None = None) -> Cart:
+    """CART's tree of patterns with at most so many leaves; None: as many as cross-validation chooses.
+
+    `seed` decides between splits of equal worth. Raises BadInput without scikit-learn, or for fewer than one leaf.
+    """
+    if leaves is not None and leaves < 1:
+        raise BadInput(f"a tree of {leaves} leaves; it needs at least 1")
+    tried: dict[int, float] = {}
+    if leaves is None:
+        tried = held_out_by_leaves(behavior, patterns, seed)
+        leaves = min(tried, key=tried.__getitem__, default=1)
+    return Cart(_grown(behavior, seed, leaves, patterns), tried)
+
+
+def held_out_by_leaves(behavior: str, patterns: Patterns, seed: int) -> dict[int, float]:
+    """The cross-validated error [levels] of each size in `LEAF_COUNTS`; empty with fewer than two demonstrations."""
+    found: dict[int, float] = {}
+    for leaves in LEAF_COUNTS:
+        rmse = cross_validated_rmse(patterns, partial(_grown, behavior, seed, leaves))
+        if rmse is not None and leaves <= len(patterns):
+            found[leaves] = rmse
+    return found
+
+
+def _grown(behavior: str, seed: int, leaves: int, patterns: Patterns) -> Tree:
+    sklearn, trees = _scikit_learn()
+    # scikit-learn's max_leaf_nodes begins at 2.
+    size = {"max_depth": 1, "min_samples_split": len(patterns) + 2} if leaves == 1 else {"max_leaf_nodes": leaves}
+    estimator = trees.DecisionTreeRegressor(random_state=seed % 2**32, **size)
+    estimator.fit(patterns.x, levels_of_classes(patterns.wheel_class))
+    origin = {
+        "method": "cart",
+        "leaves": leaves,
+        "seed": seed,
+        "scikit_learn": str(sklearn.__version__),
+        "patterns": len(patterns),
+        "patterns_sha256": patterns.sha256,
+    }
+    return from_sklearn(estimator, behavior, patterns.features, origin, LEVEL_RAD_S)
+
+
+def _scikit_learn() -> tuple[Any, Any]:
+    try:
+        return import_module("sklearn"), import_module("sklearn.tree")
+    except ModuleNotFoundError:
+        raise BadInput(
+            f"CART needs scikit-learn, which is not installed: {sys.executable} -m pip install -r requirements-study.txt"
+        ) from None

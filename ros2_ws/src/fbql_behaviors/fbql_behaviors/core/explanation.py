@@ -1,0 +1,199 @@
+"""A tree in words: where each leaf lies and what it does.
+
+A leaf's region is a box, so its rule names each feature once, however often the way down the tree halved it; a feature
+that the tree leaves whole there is not named. `rules` looks at the whole tree once. Who explains every step keeps what it
+gives: the rule of a step is then `rules[leaf_id]`.
+
+Names make the words: `NAME_distance` [m] is how far NAME is, `NAME_bearing` and `NAME_heading_error` [rad] say on which side
+it lies (left is positive). Any other angle is told in degrees, anything else in its own unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import Enum
+from math import degrees, floor, log10
+from typing import NamedTuple
+
+from fbql_common.core.field import MAX_WHEEL_RAD_S
+
+from fbql_behaviors.core.observation import Feature
+from fbql_behaviors.core.quantizer import LEVEL_RAD_S
+from fbql_behaviors.core.tree import Leaf, Region, Tree
+
+STRAIGHT = 0.05
+"""Turning part of the wheels' velocities, as a share of the forward part, up to which a motion counts as straight."""
+SLOW, FAST = MAX_WHEEL_RAD_S / 3, MAX_WHEEL_RAD_S * 2 / 3
+"""Velocity of the faster wheel below which a motion is slow, and from which on it is fast [rad/s]."""
+SUBJECTS = {"approach_angle": "ball-to-goal line"}
+"""What an angle is the direction of, where its name does not tell."""
+
+
+class Motion(Enum):
+    """What a pair of wheel velocities does, in words. Turning left is counter-clockwise, backwards too."""
+
+    STAND = "standing still"
+    FORWARDS = "forwards"
+    FORWARDS_LEFT = "forwards, turning left"
+    SPIN_LEFT = "turning left on the spot"
+    BACKWARDS_LEFT = "backwards, turning left"
+    BACKWARDS = "backwards"
+    BACKWARDS_RIGHT = "backwards, turning right"
+    SPIN_RIGHT = "turning right on the spot"
+    FORWARDS_RIGHT = "forwards, turning right"
+
+
+class Rule(NamedTuple):
+    """A leaf in words."""
+
+    leaf_id: int
+    conditions: tuple[str, ...]
+    """Where: one for each feature that is restricted, in their order; none when the leaf is the whole tree."""
+    motion: Motion
+    speed: str
+    """slow, fast, or nothing."""
+    leaf: Leaf
+
+    @property
+    def where(self) -> str:
+        """The conditions as one text."""
+        return ", ".join(self.conditions) or "always"
+
+    @property
+    def what(self) -> str:
+        """Speed and motion as one text."""
+        return f"{self.speed} {self.motion.value}".strip()
+
+    @property
+    def sentence(self) -> str:
+        """The rule as one text, with the wheels' velocities and the number of patterns behind it."""
+        left, right, patterns = self.leaf
+        noun = "pattern" if patterns == 1 else "patterns"
+        return f"{self.where} -> {self.what} (left {left:.0f}, right {right:.0f} rad/s; {patterns} {noun})"
+
+
+def rules(tree: Tree) -> tuple[Rule, ...]:
+    """The rule of every leaf, indexed by leaf_id."""
+    return tuple(
+        Rule(leaf_id, conditions(tree.features, region), motion_of(*leaf[:2]), speed_of(*leaf[:2]), leaf)
+        for leaf_id, (leaf, region) in enumerate(zip(tree.leaves, tree.regions(), strict=True))
+    )
+
+
+def explained(tree: Tree) -> str:
+    """The whole tree: a rule a line, after its leaf_id."""
+    width = len(str(tree.leaf_count - 1))
+    return "\n".join(f"leaf {rule.leaf_id:>{width}}: {rule.sentence}" for rule in rules(tree))
+
+
+def conditions(features: tuple[Feature, ...], region: Region) -> tuple[str, ...]:
+    """A region in words: one text for each feature of which it is a part."""
+    found: list[str] = []
+    last = ""
+    for feature, (low, high) in zip(features, region, strict=True):
+        if (low, high) == (feature.low, feature.high):
+            continue
+        subject, words = condition(feature, low, high)
+        found.append(words if subject and subject == last else f"{subject} {words}".strip())
+        last = subject
+    return tuple(found)
+
+
+def condition(feature: Feature, low: float, high: float) -> tuple[str, str]:
+    """A part [low, high) of a feature's range in words: who is meant, and where it is."""
+    subject, kind = _subject_and_kind(feature)
+    if kind == "distance":
+        return subject, _distance(feature, low, high)
+    if kind == "direction":
+        return subject, _direction(feature, degrees(low), degrees(high))
+    if feature.unit == "rad":
+        return subject, _interval("degrees", degrees(low), degrees(high), low == feature.low, high == feature.high)
+    return subject, _interval(feature.unit, low, high, low == feature.low, high == feature.high)
+
+
+def motion_of(left_rad_s: float, right_rad_s: float) -> Motion:
+    """What a pair of wheel velocities does.
+
+    On the spot: the wheels turn against each other, so that the robot turns about a point between them. Straight: the
+    turning part is at most a twentieth of the forward part, which is a circle of 70 cm and more.
+    """
+    if max(abs(left_rad_s), abs(right_rad_s)) < LEVEL_RAD_S / 2:
+        return Motion.STAND
+    forward, turn = left_rad_s + right_rad_s, right_rad_s - left_rad_s
+    if abs(turn) > abs(forward):
+        return Motion.SPIN_LEFT if turn > 0.0 else Motion.SPIN_RIGHT
+    if abs(turn) <= STRAIGHT * abs(forward):
+        return Motion.FORWARDS if forward > 0.0 else Motion.BACKWARDS
+    if forward > 0.0:
+        return Motion.FORWARDS_LEFT if turn > 0.0 else Motion.FORWARDS_RIGHT
+    return Motion.BACKWARDS_LEFT if turn > 0.0 else Motion.BACKWARDS_RIGHT
+
+
+def speed_of(left_rad_s: float, right_rad_s: float) -> str:
+    """slow, fast, or nothing for what lies between and for standing still: by the faster wheel."""
+    fastest = max(abs(left_rad_s), abs(right_rad_s))
+    if fastest >= FAST:
+        return "fast"
+    return "slow" if LEVEL_RAD_S / 2 <= fastest < SLOW else ""
+
+
+def rounded(values: Iterable[float], width: float) -> list[str]:
+    """Numbers in as few digits as tell the ends of an interval of this width apart, and at most one digit more."""
+    digits = max(1, 1 - floor(log10(width)))
+    # away from a tie, so that 11.25 and 33.75, which are seldom exact, are both rounded up
+    texts = [f"{value * (1.0 + 1e-12):.{digits}f}".rstrip("0").rstrip(".") for value in values]
+    return ["0" if text == "-0" else text for text in texts]
+
+
+def _subject_and_kind(feature: Feature) -> tuple[str, str]:
+    name = feature.name
+    if feature.unit == "m" and name.endswith("_distance"):
+        return _spaced(name.removesuffix("_distance")), "distance"
+    if feature.unit == "rad" and (feature.low, feature.high) == (-feature.high, feature.high):
+        for ending in ("_bearing", "_heading_error"):
+            if name.endswith(ending):
+                return _spaced(name.removesuffix(ending)), "direction"
+        if name in SUBJECTS:
+            return SUBJECTS[name], "direction"
+    return _spaced(name), "number"
+
+
+def _spaced(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _distance(feature: Feature, low: float, high: float) -> str:
+    near, far = rounded((low, high), high - low)
+    if low == feature.low:
+        return f"nearer than {far} m"
+    return f"{near} m away or farther" if high == feature.high else f"{near}-{far} m away"
+
+
+def _interval(unit: str, low: float, high: float, low_open: bool, high_open: bool) -> str:
+    first, last = rounded((low, high), high - low)
+    text = f"below {last}" if low_open else f"{first} or more" if high_open else f"{first} to {last}"
+    return f"{text} {unit}".strip()
+
+
+def _direction(feature: Feature, low: float, high: float) -> str:
+    """Degrees, left positive, in words; the range of the feature is the same to both sides."""
+    if high <= 0.0:
+        return _side(-high, -low, degrees(-feature.low), "right")
+    if low >= 0.0:
+        return _side(low, high, degrees(feature.high), "left")
+    to_right, to_left = rounded((-low, high), high - low)
+    if low == degrees(feature.low):
+        return f"anywhere to the right or up to {to_left} degrees to the left"
+    if high == degrees(feature.high):
+        return f"anywhere to the left or up to {to_right} degrees to the right"
+    if to_left == to_right:
+        return f"within {to_left} degrees of straight ahead"
+    return f"between {to_right} degrees to the right and {to_left} to the left"
+
+
+def _side(near: float, far: float, farthest: float, side: str) -> str:
+    """An interval of degrees to one side, counted from straight ahead."""
+    if near == 0.0 and far == farthest:
+        return f"to the {side}"
+    first, last = rounded((near, far), far - near)
+    return f"{first}-{last} degrees to the {side}{', behind' if near >= 90.0 else ''}"

@@ -1,0 +1,213 @@
+"""Trees of scikit-learn as ours: from a fitted estimator, or from its arrays as JSON. Nothing is unpickled.
+
+scikit-learn need not be installed: an estimator is asked for its arrays, and the arrays are plain lists of numbers.
+
+    {"children_left": [1, -1, -1], "children_right": [2, -1, -1], "feature": [0, -2, -2], "threshold": [0.4, -2, -2],
+     "value": [[12.5, 50.0], ...], "n_node_samples": [8, 5, 3]}
+
+`value` holds the left and the right wheel velocity of each node [rad/s], in any nesting: `tree_.value.tolist()` will do. Of a
+classifier it holds a weight for each class, and `classes` lists the wheel classes; the heaviest class is the answer.
+
+scikit-learn rounds an attribute to single precision and sends it left when it is at most the threshold; we compare doubles
+and send it left when it is below. `exact_threshold` finds the double that makes the two the same for every number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf, isfinite, nextafter
+from typing import Any, NamedTuple
+
+import numpy as np
+from fbql_common.core.errors import BadInput
+
+from fbql_behaviors.core.observation import Feature
+from fbql_behaviors.core.quantizer import CLASS_COUNT, levels_of, rad_s_of
+from fbql_behaviors.core.tree import MAX_NODES, Leaf, Node, Region, Split, Tree, split_region
+
+ARRAYS = ("children_left", "children_right", "feature", "threshold", "value", "n_node_samples")
+NO_CHILD = -1
+
+
+class _Arrays(NamedTuple):
+    left: list[int]
+    right: list[int]
+    feature: list[int]
+    threshold: list[float]
+    reference: list[tuple[float, float]]
+    """The wheel velocities of each node [rad/s]."""
+    patterns: list[int]
+
+
+def from_sklearn(
+    estimator: Any,
+    behavior: str,
+    features: tuple[Feature, ...],
+    origin: Mapping[str, Any] | None = None,
+    scale_rad_s: float = 1.0,
+) -> Tree:
+    """Our tree of a fitted DecisionTreeRegressor of both wheels, or DecisionTreeClassifier of the wheel class.
+
+    It answers like the estimator's `predict` for every observation inside of the root region; outside of it, like its edge.
+
+    Args:
+        estimator: fitted on attributes in the order of `features`.
+        origin: what the tree's file tells about how it was made.
+        scale_rad_s: what 1 in a regressor's prediction means [rad/s]: 1 for rad/s, LEVEL_RAD_S for levels.
+
+    Raises BadInput when it is not fitted, or does not predict a wheel pair from so many features.
+    """
+    fitted = getattr(estimator, "tree_", None)
+    if fitted is None:
+        raise BadInput(
+            f"{type(estimator).__name__}: not a fitted decision tree of scikit-learn; call fit, and give one tree"
+        )
+    if fitted.n_features != len(features):
+        raise BadInput(f"the scikit-learn tree has {fitted.n_features} features; behavior '{behavior}' {len(features)}")
+    arrays = {name: getattr(fitted, name).tolist() for name in ARRAYS}
+    classes = getattr(estimator, "classes_", None)
+    if classes is not None:
+        arrays["classes"] = [each.tolist() for each in classes] if fitted.n_outputs > 1 else classes.tolist()
+    return from_arrays(arrays, behavior, features, origin, scale_rad_s)
+
+
+def from_arrays(
+    arrays: Mapping[str, Any],
+    behavior: str,
+    features: tuple[Feature, ...],
+    origin: Mapping[str, Any] | None = None,
+    scale_rad_s: float = 1.0,
+) -> Tree:
+    """Our tree of a scikit-learn tree's arrays (see the module). Raises BadInput, naming the array and the node."""
+    checked = _checked(arrays, scale_rad_s)
+    nodes: list[Node] = []
+    leaves: list[Leaf] = []
+    root = tuple((feature.low, feature.high) for feature in features)
+    # (node there, its region, our split that waits for it, whether it is that split's left child)
+    pending: list[tuple[int, Region, int, bool]] = [(0, root, -1, False)]
+    visited = [False] * len(checked.left)
+    while pending:
+        index, region, parent, is_left = pending.pop()
+        while True:
+            if visited[index]:
+                raise BadInput(f"children_left, children_right: node {index} is reached twice; this is no tree")
+            visited[index] = True
+            if checked.left[index] == NO_CHILD:
+                node: Node = len(leaves)
+                leaves.append(Leaf(*checked.reference[index], checked.patterns[index]))
+                break
+            column = checked.feature[index]
+            if not 0 <= column < len(features):
+                raise BadInput(f"feature[{index}] is {column}, outside of 0 .. {len(features) - 1}")
+            threshold = exact_threshold(checked.threshold[index])
+            low, high = region[column]
+            if low < threshold < high:
+                left, right = split_region(region, column, threshold)
+                pending.append((checked.right[index], right, len(nodes), False))
+                pending.append((checked.left[index], left, len(nodes), True))
+                node = Split(column, threshold, 0, 0)
+                break
+            # Nothing of the region lies on the other side: that child is never asked.
+            index = checked.right[index] if threshold <= low else checked.left[index]
+        if parent >= 0:
+            waiting = nodes[parent]
+            assert isinstance(waiting, Split)
+            nodes[parent] = waiting._replace(left=len(nodes)) if is_left else waiting._replace(right=len(nodes))
+        nodes.append(node)
+    return Tree(behavior, features, tuple(nodes), tuple(leaves), origin or {})
+
+
+def exact_threshold(threshold: float) -> float:
+    """The double t for which x < t says the same as float32(x) <= threshold, for every x that single precision holds."""
+    with np.errstate(over="ignore"):
+        below = np.float32(threshold)
+        if float(below) > threshold:
+            below = np.nextafter(below, np.float32(-inf))
+        above = np.nextafter(below, np.float32(inf))
+        middle = (float(below) + float(above)) / 2
+        # A double right between two singles is rounded to the even one.
+        return nextafter(middle, inf) if float(np.float32(middle)) == float(below) else middle
+
+
+def _checked(arrays: Mapping[str, Any], scale_rad_s: float) -> _Arrays:
+    for name in ARRAYS:
+        if not isinstance(arrays.get(name), list):
+            raise BadInput(f"'{name}' is missing, or not a list; needed are: {', '.join(ARRAYS)}")
+    count = len(arrays["children_left"])
+    if not 0 < count <= MAX_NODES:
+        raise BadInput(f"children_left has {count} nodes; expected 1 to {MAX_NODES}")
+    for name in ARRAYS:
+        if len(arrays[name]) != count:
+            raise BadInput(f"'{name}' has {len(arrays[name])} entries, children_left has {count}")
+    left, right = ([_whole(name, k, value) for k, value in enumerate(arrays[name])] for name in ARRAYS[:2])
+    for index, (first, second) in enumerate(zip(left, right, strict=True)):
+        if (first == NO_CHILD) != (second == NO_CHILD):
+            raise BadInput(f"node {index} has one child; expected two, or -1 twice")
+        if first != NO_CHILD and not (0 <= first < count and 0 <= second < count):
+            raise BadInput(f"node {index}: a child is outside of 0 .. {count - 1}")
+    classes = _classes(arrays)
+    references = [
+        _of_class(index, _flat(index, value), classes)
+        if classes
+        else _of_wheels(index, _flat(index, value), scale_rad_s)
+        for index, value in enumerate(arrays["value"])
+    ]
+    return _Arrays(
+        left,
+        right,
+        [_whole("feature", k, value) for k, value in enumerate(arrays["feature"])],
+        [_finite("threshold", k, value) for k, value in enumerate(arrays["threshold"])],
+        references,
+        [_whole("n_node_samples", k, value) for k, value in enumerate(arrays["n_node_samples"])],
+    )
+
+
+def _of_wheels(index: int, values: list[float], scale_rad_s: float) -> tuple[float, float]:
+    if len(values) != 2:
+        raise BadInput(f"value[{index}] has {len(values)} numbers; a regressor of both wheels has 2, left and right")
+    return values[0] * scale_rad_s, values[1] * scale_rad_s
+
+
+def _of_class(index: int, weights: list[float], classes: list[int]) -> tuple[float, float]:
+    if len(weights) != len(classes):
+        raise BadInput(f"value[{index}] has {len(weights)} weights for {len(classes)} classes")
+    left, right = levels_of(classes[weights.index(max(weights))])
+    return rad_s_of(left), rad_s_of(right)
+
+
+def _classes(arrays: Mapping[str, Any]) -> list[int]:
+    """The wheel classes of a classifier; empty for a regressor."""
+    if "classes" not in arrays:
+        return []
+    given: Any = arrays["classes"]
+    if not isinstance(given, list) or not given:
+        raise BadInput("'classes' must be a list of wheel classes")
+    classes = [_whole("classes", k, value) for k, value in enumerate(given)]  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+    if not all(0 <= each < CLASS_COUNT for each in classes):
+        raise BadInput(f"'classes' must list wheel classes, from 0 to {CLASS_COUNT - 1}")
+    return classes
+
+
+def _flat(index: int, value: Any) -> list[float]:
+    """The numbers of a value, whatever lists they are in."""
+    found: list[float] = []
+    pending = [value]
+    while pending:
+        item = pending.pop()
+        if isinstance(item, list):
+            pending += reversed(item)  # pyright: ignore[reportUnknownArgumentType]
+        else:
+            found.append(_finite("value", index, item))
+    return found
+
+
+def _whole(name: str, index: int, value: Any) -> int:
+    if type(value) is not int:
+        raise BadInput(f"{name}[{index}] is {value!r}, not a whole number")
+    return value
+
+
+def _finite(name: str, index: int, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise BadInput(f"{name}[{index}] is {value!r}, not a finite number")
+    return float(value)

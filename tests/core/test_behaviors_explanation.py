@@ -1,0 +1,164 @@
+"""Trees in words: each feature once, units, sides, motions."""
+
+from __future__ import annotations
+
+import re
+from math import inf, nextafter, pi, radians
+
+import pytest
+from fbql_behaviors.core.explanation import (
+    Motion,
+    condition,
+    conditions,
+    explained,
+    motion_of,
+    rounded,
+    rules,
+    speed_of,
+)
+from fbql_behaviors.core.observation import Feature
+from fbql_behaviors.core.tree import Leaf, Split, Tree
+from hypothesis import given
+from hypothesis import strategies as st
+from tree_strategies import FEATURES, trees
+
+DISTANCE, BEARING = FEATURES
+ERROR = Feature("detour_heading_error", "rad", -pi, pi)
+PSI = Feature("approach_angle", "rad", -pi, pi)
+
+
+def angle(feature: Feature, low: float, high: float) -> str:
+    """The words for an interval of degrees."""
+    return " ".join(condition(feature, radians(low), radians(high)))
+
+
+def test_a_rule_names_each_feature_once_however_often_the_way_halved_it() -> None:
+    nodes = (Split(0, 1.6, 1, 2), Split(0, 0.8, 3, 4), 0, 1, Split(1, 0.0, 5, 6), 2, Split(0, 1.2, 7, 8), 3, 4)
+    tree = Tree("ball_seeking", FEATURES, nodes, tuple(Leaf(20.0, 45.0, 12) for _ in range(5)))
+    assert [rule.where for rule in rules(tree)] == [
+        "ball 1.6 m away or farther",
+        "ball nearer than 0.8 m",
+        "ball 0.8-1.6 m away, to the right",
+        "ball 0.8-1.2 m away, to the left",
+        "ball 1.2-1.6 m away, to the left",
+    ]
+    assert rules(tree)[3].sentence == (
+        "ball 0.8-1.2 m away, to the left -> forwards, turning left (left 20, right 45 rad/s; 12 patterns)"
+    )
+    assert explained(tree).splitlines()[0].startswith("leaf 0: ball 1.6 m away or farther -> ")
+
+
+def test_a_tree_of_one_leaf_always_does_the_same() -> None:
+    rule = rules(Tree("ball_seeking", FEATURES, (0,), (Leaf(80.0, 80.0, 1),)))[0]
+    assert rule.conditions == ()
+    assert rule.sentence == "always -> fast forwards (left 80, right 80 rad/s; 1 pattern)"
+
+
+@given(trees())
+def test_a_sentence_names_exactly_the_features_that_its_region_restricts(tree: Tree) -> None:
+    for rule, region in zip(rules(tree), tree.regions(), strict=True):
+        restricted = sum((f.low, f.high) != interval for f, interval in zip(FEATURES, region, strict=True))
+        assert len(rule.conditions) == restricted
+        assert rule.sentence.count("ball") == (restricted > 0)
+        assert rule.sentence == rules(tree)[rule.leaf_id].sentence
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [
+        (10, 20, "ball 10-20 degrees to the left"),
+        (-20, -10, "ball 10-20 degrees to the right"),
+        (0, 180, "ball to the left"),
+        (-180, 0, "ball to the right"),
+        (135, 180, "ball 135-180 degrees to the left, behind"),
+        (-180, -90, "ball 90-180 degrees to the right, behind"),
+        (-5, 5, "ball within 5 degrees of straight ahead"),
+        (-45, 22.5, "ball between 45 degrees to the right and 22.5 to the left"),
+        (-180, 45, "ball anywhere to the right or up to 45 degrees to the left"),
+        (-90, 180, "ball anywhere to the left or up to 90 degrees to the right"),
+        (0, 11.25, "ball 0-11.3 degrees to the left"),
+        (33.75, 45, "ball 33.8-45 degrees to the left"),
+    ],
+)
+def test_bearings_are_told_in_degrees_and_sides(low: float, high: float, words: str) -> None:
+    assert angle(BEARING, low, high) == words
+
+
+def test_a_heading_error_and_the_approach_angle_are_told_as_sides_too() -> None:
+    assert angle(ERROR, 10, 20) == "detour 10-20 degrees to the left"
+    assert angle(PSI, -20, -10) == "ball-to-goal line 10-20 degrees to the right"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [(0.0, 0.6, "nearer than 0.6 m"), (0.3, 0.6, "0.3-0.6 m away"), (1.6, 3.2, "1.6 m away or farther")],
+)
+def test_distances_are_told_in_metres(low: float, high: float, words: str) -> None:
+    assert condition(DISTANCE, low, high) == ("ball", words)
+
+
+@pytest.mark.parametrize(
+    ("feature", "low", "high", "words"),
+    [
+        (Feature("speed", "m/s", 0.0, 2.0), 0.5, 1.0, "speed 0.5 to 1 m/s"),
+        (Feature("speed", "m/s", 0.0, 2.0), 0.0, 1.0, "speed below 1 m/s"),
+        (Feature("speed", "m/s", 0.0, 2.0), 1.0, 2.0, "speed 1 or more m/s"),
+        (Feature("tilt", "rad", -1.0, 1.0), -1.0, 0.0, "tilt below 0 degrees"),
+        (Feature("gap_bearing", "rad", 0.0, 1.0), 0.5, 1.0, "gap bearing 28.6 or more degrees"),
+        (Feature("side", "", -1.0, 1.0), -0.5, 0.5, "side -0.5 to 0.5"),
+        (Feature("x_distance", "cm", 0.0, 9.0), 1.0, 2.0, "x distance 1 to 2 cm"),
+    ],
+)
+def test_any_other_feature_is_told_by_its_name_in_its_unit(
+    feature: Feature, low: float, high: float, words: str
+) -> None:
+    assert " ".join(condition(feature, low, high)).strip() == words
+
+
+def test_a_whole_region_has_no_conditions() -> None:
+    assert conditions(FEATURES, tuple((feature.low, feature.high) for feature in FEATURES)) == ()
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "motion"),
+    [
+        (0.0, 0.0, Motion.STAND),
+        (3.0, -3.0, Motion.STAND),
+        (50.0, 50.0, Motion.FORWARDS),
+        (50.0, 54.0, Motion.FORWARDS),
+        (20.0, 45.0, Motion.FORWARDS_LEFT),
+        (45.0, 20.0, Motion.FORWARDS_RIGHT),
+        (0.0, 45.0, Motion.FORWARDS_LEFT),
+        (-20.0, 20.0, Motion.SPIN_LEFT),
+        (30.0, -10.0, Motion.SPIN_RIGHT),
+        (-30.0, 10.0, Motion.SPIN_LEFT),
+        (-50.0, -50.0, Motion.BACKWARDS),
+        (-45.0, -20.0, Motion.BACKWARDS_LEFT),
+        (-20.0, -45.0, Motion.BACKWARDS_RIGHT),
+    ],
+)
+def test_wheels_make_motions(left: float, right: float, motion: Motion) -> None:
+    assert motion_of(left, right) is motion
+
+
+@given(st.floats(-88.0, 88.0), st.floats(-88.0, 88.0))
+def test_a_motion_mirrors_with_its_wheels(left: float, right: float) -> None:
+    mirrored = motion_of(right, left).name
+    swapped = {"LEFT": "RIGHT", "RIGHT": "LEFT"}
+    assert mirrored == re.sub("LEFT|RIGHT", lambda found: swapped[found[0]], motion_of(left, right).name)
+
+
+def test_speed_is_that_of_the_faster_wheel() -> None:
+    assert [speed_of(0.0, wheel) for wheel in (0.0, 10.0, 29.0, 30.0, -58.0, -59.0, 88.0)] == [
+        "", "slow", "slow", "", "", "fast", "fast",
+    ]  # fmt: skip
+
+
+@given(st.floats(-100.0, 100.0), st.floats(1e-6, 100.0))
+def test_rounding_tells_the_ends_of_an_interval_apart(low: float, width: float) -> None:
+    high = low + width
+    if high > nextafter(low, inf):
+        first, last = rounded((low, high), high - low)
+        assert float(first) < float(last)
+        assert abs(float(first) - low) <= 0.051 * max(width, 1.0)
+        assert "-0" not in (first, last)

@@ -1,0 +1,52 @@
+"""Random trees for Hypothesis, and points that lie on their thresholds as often as beside them."""
+
+from __future__ import annotations
+
+from math import inf, nextafter, pi
+
+from fbql_behaviors.core.observation import Feature
+from fbql_behaviors.core.tree import Leaf, Node, Region, Split, Tree, split_region
+from hypothesis import strategies as st
+
+FEATURES = (Feature("ball_distance", "m", 0.0, 3.2), Feature("ball_bearing", "rad", -pi, pi))
+WHEEL = st.floats(-88.0, 88.0)
+
+
+@st.composite
+def trees(draw: st.DrawFn, features: tuple[Feature, ...] = FEATURES, depth: int = 5) -> Tree:
+    """A tree of up to 2^depth leaves whose thresholds are anywhere."""
+    nodes: list[Node] = []
+    leaves: list[Leaf] = []
+
+    def grow(region: Region, left: int) -> int:
+        place = len(nodes)
+        nodes.append(0)
+        column = draw(st.integers(0, len(features) - 1))
+        low, high = region[column]
+        if left == 0 or high - low < 0.01 or draw(st.booleans()):
+            nodes[place] = len(leaves)
+            leaves.append(Leaf(draw(WHEEL), draw(WHEEL), draw(st.integers(0, 99))))
+            return place
+        threshold = low + (high - low) * draw(st.floats(0.1, 0.9))
+        below, above = split_region(region, column, threshold)
+        nodes[place] = Split(column, threshold, grow(below, left - 1), grow(above, left - 1))
+        return place
+
+    grow(tuple((feature.low, feature.high) for feature in features), depth)
+    return Tree("random", features, tuple(nodes), tuple(leaves))
+
+
+def edge_points(tree: Tree) -> list[tuple[float, ...]]:
+    """For each split a point right on it, one just before and one just after; the other features are in the middle."""
+    middle = [(feature.low + feature.high) / 2 for feature in tree.features]
+    points: list[tuple[float, ...]] = [tuple(middle)]
+    for node in tree.nodes:
+        if isinstance(node, Split):
+            near = (node.threshold, nextafter(node.threshold, -inf), nextafter(node.threshold, inf))
+            points += [(*middle[: node.feature], value, *middle[node.feature + 1 :]) for value in near]
+    return points
+
+
+def points_of(features: tuple[Feature, ...] = FEATURES) -> st.SearchStrategy[tuple[float, ...]]:
+    """Points in and round the root region."""
+    return st.tuples(*(st.floats(feature.low - 1.0, feature.high + 1.0) for feature in features))
