@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from .progress import say
@@ -16,13 +16,15 @@ SEARCH_PATHS = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "C
 OF_A_DISTRO = ("ROS_DISTRO", "ROS_VERSION", "ROS_PYTHON_VERSION", "ROS_PACKAGE_PATH", "ROS_ROOT", "ROS_ETC_DIR")
 
 
-def process_environment(target: Target, environ: Mapping[str, str], packages: list[Package]) -> dict[str, str]:
+def process_environment(
+    target: Target, environ: Mapping[str, str], packages: list[Package], warn: Callable[[str], None] = say
+) -> dict[str, str]:
     """`environ`, changed so that the workspace's `packages` and what they stand on are found.
 
     The user's choices (domain, discovery range, log directory, ...) stay. Leftovers of another ROS are taken out,
     with a warning, because a message library of another distro crashes rather than fails.
     """
-    result = without_foreign_ros(target, environ)
+    result = without_foreign_ros(target, environ, warn)
     result.pop("PYTHONHOME", None)
     result.pop(BOOTSTRAPPED, None)
     installed = [target.install / package.name for package in packages]
@@ -48,7 +50,7 @@ def process_environment(target: Target, environ: Mapping[str, str], packages: li
 
 def build_environment(target: Target, environ: Mapping[str, str]) -> dict[str, str]:
     """The variables colcon runs with: as a process of ours, with no built package in sight, and with bytecode."""
-    result = process_environment(target, environ, [])
+    result = process_environment(target, environ, [], warn=lambda _: None)  # the start warns
     result.pop("PYTHONDONTWRITEBYTECODE", None)
     if not target.underlay:
         result.pop("PYTHONPATH", None)
@@ -61,7 +63,7 @@ def tool_environment(environ: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in environ.items() if name not in dropped}
 
 
-def without_foreign_ros(target: Target, environ: Mapping[str, str]) -> dict[str, str]:
+def without_foreign_ros(target: Target, environ: Mapping[str, str], warn: Callable[[str], None]) -> dict[str, str]:
     """A copy of `environ` without the traces of a ROS that is not the target's; warns of what it takes out.
 
     An overlay that was built on our own environment (ours is on AMENT_PREFIX_PATH then) stays.
@@ -80,9 +82,11 @@ def without_foreign_ros(target: Target, environ: Mapping[str, str]) -> dict[str,
     distro = environ.get("ROS_DISTRO")
     if foreign:
         sourced = f"ROS 2 {distro} is sourced" if distro and distro != DISTRO else f"{foreign[0]} is sourced"
-        say(f"{sourced}, which is not the system Jazzy that could be used: it is ignored, for the Jazzy wheels")
+        warn(f"{sourced}, which is not the system Jazzy that could be used: it is ignored, for the Jazzy wheels")
     if result.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp") != "rmw_fastrtps_cpp":
-        say(f"RMW_IMPLEMENTATION={result.pop('RMW_IMPLEMENTATION')} is ignored: the wheels hold rmw_fastrtps_cpp alone")
+        warn(
+            f"RMW_IMPLEMENTATION={result.pop('RMW_IMPLEMENTATION')} is ignored: the wheels hold rmw_fastrtps_cpp alone"
+        )
     return result
 
 
