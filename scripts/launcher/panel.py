@@ -25,7 +25,8 @@ class Panel:
         self._stream = stream
         self._terminal = stream.isatty()
         self._shown_s = monotonic() if not self._terminal else float("-inf")
-        self._open = False
+        self._line = ""
+        """The live line that stands open."""
 
     def show(self, status: Mapping[str, str]) -> None:
         """Shows a status, not more often than one can read."""
@@ -34,10 +35,10 @@ class Panel:
             return
         self._shown_s = now
         if self._terminal:
-            # A character in the last column would wrap on some terminals.
-            width = self._width() - 1
-            self._write("\r" + status_line(status, width).ljust(width))
-            self._open = True
+            # Room for the ^C that the terminal writes behind the line.
+            line = status_line(status, self._width() - 3)
+            self._write("\r" + line.ljust(len(self._line)))
+            self._line = line
         else:
             self._write(status_line(status) + "\n")
 
@@ -48,8 +49,8 @@ class Panel:
 
     def close(self) -> None:
         """Leaves the live line standing and goes below it."""
-        if self._open:
-            self._open = False
+        if self._line:
+            self._line = ""
             self._write("\n")
 
     def _write(self, text: str) -> None:
@@ -69,20 +70,16 @@ def status_line(status: Mapping[str, str], width: int | None = None) -> str:
     """One line from the fields of a status (those of fbql_fusion.status), in the longest form that fits."""
     names, weights = status["weights"].split()[::2], status["weights"].split()[1::2]
     named = " ".join(f"{name} {weight}" for name, weight in zip(names, weights, strict=True))
-    episode, step, rate = f"episode {status['episode']}", f"step {status['step']}", f"{status['steps_per_s']} steps/s"
     goals, own_goals, timeouts = status["goals"], status["own_goals"], status["timeouts"]
-    forms = [
-        [
-            f"{episode} ({status['phase']})",
-            step,
-            f"{goals} goals, {own_goals} own goals, {timeouts} timeouts",
-            rate,
-            f"weights {named}",
-        ],
-        [episode, f"{goals} goals, {own_goals} own, {timeouts} timeouts", rate, named],
-        [episode, f"{goals} goals, {own_goals} own, {timeouts} timeouts", rate, " ".join(weights)],
+    episode, rate = f"episode {status['episode']}", f"{status['steps_per_s']} steps/s"
+    score = f"{goals} goals, {own_goals} own goals, {timeouts} timeouts"
+    long = f"{episode} ({status['phase']}) · step {status['step']} · {score} · {rate} · "
+    short = f"{episode} · {score.replace('own goals', 'own')} · {rate} · "
+    numbers = " ".join(weights)
+    lines = [
+        f"{long}weights {named}",
+        *(short + end for end in (f"weights {named}", named, f"weights {numbers}", numbers)),
     ]
-    lines = [" · ".join(part for part in form if part.removeprefix("weights ")) for form in forms]
     return next((line for line in lines if width is None or len(line) <= width), lines[-1][:width])
 
 

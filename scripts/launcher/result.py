@@ -17,9 +17,9 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float) -> str:
     episodes, goals, rate = summary["episodes"], summary["goals"], summary["success_rate"]
     success = "" if rate is None else f", success rate {100 * rate:.0f} %"
     mean, cost = summary["mean_steps_per_goal"], summary["cost_per_goal"]
-    took = "no goal" if mean is None else f"steps from start to goal on average ({mean * dt_s:.1f} s of play)"
+    took = "no goal" if mean is None else f"steps on average, {mean * dt_s:.1f} s of play"
     cost_text = "no goal" if cost is None else "steps of all episodes, for each goal"
-    recorded = f"{summary['messages_recorded']} messages in" if summary["messages_recorded"] else "nothing recorded in"
+    recorded = summary["messages_recorded"]
     rows = [
         ("goals", goals, ""),
         ("own goals", summary["own_goals"], ""),
@@ -28,13 +28,13 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float) -> str:
         ("a goal cost", _number(cost), cost_text),
         ("collisions", summary["collisions_begun"], f"with a wall, {summary['collision_steps']} steps in contact"),
         ("played", summary["steps"], f"steps{_pace(summary, dt_s)}"),
-        ("digest", summary["digest"][:12], "the same whenever this match is played again"),
-        ("recording", recorded, str(run)),
+        ("digest", summary["digest"][:8], "the same whenever this match is played again"),
+        ("recording", recorded or "none", f"{'messages in ' if recorded else ''}{run}"),
     ]
     if summary["incomplete"]:
-        rows.append(("", "INCOMPLETE:", f"not everything could be kept; see {run / 'log'}"))
+        rows.append(("", "NOT WHOLE", f"something could not be kept: see {run / 'log'}"))
     title = f"{summary['controller']}, seed {summary['seed']}: {_count(goals, 'goal')} in {_count(episodes, 'episode')}{success}"
-    lines = [f"  {name:<12} {value!s:>12}  {meaning}".rstrip() for name, value, meaning in rows]
+    lines = [f"  {name:<11} {value!s:>9}  {meaning}".rstrip() for name, value, meaning in rows]
     return "\n".join(["", title, "", *lines])
 
 

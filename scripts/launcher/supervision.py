@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Generator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from time import monotonic
+from contextlib import closing, contextmanager, nullcontext
+from time import monotonic, sleep
 
 import domain_coordinator
 from fbql_common.core.errors import BadInput
@@ -22,7 +22,9 @@ DONE, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
 MAX_DOMAIN_ID = 232
 """The last domain whose ports exist."""
 _LOOK_S = 0.05
-_DISCOVERY_S = 1.0
+_DISCOVERY_S = 3.0
+"""Within this every participant of a domain announces itself again [s]."""
+_WORDS_S = 3.0
 
 
 class Failure(Exception):
@@ -89,23 +91,24 @@ class Supervision:
             BadInput: refused before any process was started.
             Interrupted: a signal came before any process was started.
         """
-        with ExitStack() as closing:
-            domain_id = closing.enter_context(_free_domain()) if self._domain_id is None else self._domain_id
+        with nullcontext(self._domain_id) if self._domain_id is not None else _free_domain() as domain_id:
             # The launcher's own node logs with the run, too.
             os.environ["ROS_LOG_DIR"] = str(match.out / "log")
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-            observer = Observer(domain_id)
-            closing.callback(observer.close)
             if self._domain_id is not None:
-                self._refuse_twins(observer, match)
+                self._refuse_twins(match, domain_id)
             commands = graph.commands(match, self._mode, graph.write_parameters(match, self._mode))
             self._interrupts.check()
+            names = graph.node_names(match)
             how = "a process each" if self._mode.processes == "many" else "all in one process"
-            self._panel.say(f"bringing up {', '.join(graph.node_names(match))}: {how}, ROS_DOMAIN_ID={domain_id}")
+            self._panel.say(f"bringing up {len(names)} nodes, {how}, in ROS_DOMAIN_ID={domain_id}")
+            code = DONE
             try:
                 self._start(commands, match, {**os.environ, "ROS_DOMAIN_ID": str(domain_id)})
-                self._wait_for_graph(observer, match)
-                code = self._watch(observer)
+                self._wait_for_words()
+                with closing(Observer(domain_id)) as observer:
+                    self._wait_for_graph(observer, match)
+                    self._watch(observer)
             except Failure as failure:
                 self._panel.say(f"{self._program}: {failure}")
                 code = FAILED
@@ -114,8 +117,9 @@ class Supervision:
                 self._panel.close()
         if killed:
             self._panel.say(f"{self._program}: did not end in time and had to be killed: {', '.join(killed)}")
-            code = code or FAILED
-        return code or self._completeness()
+            code = FAILED
+        completeness = self._completeness()
+        return code or completeness
 
     def _start(self, commands: Mapping[str, Sequence[str]], match: Match, environment: dict[str, str]) -> None:
         for name, command in commands.items():
@@ -126,22 +130,39 @@ class Supervision:
 
     def _completeness(self) -> int:
         """Says it when fusion could not record everything. The files that say so may be missing for the same reason."""
-        fusion = self._started[-1]
-        if fusion.exit_code != INCOMPLETE:
+        if not self._started or self._started[-1].exit_code != INCOMPLETE:
             return DONE
+        fusion = self._started[-1]
         reasons = fusion.errors() or [f"see {fusion.log_file}"]
         self._panel.say(f"{self._program}: the recording is incomplete: {'; '.join(reasons)}")
         return INCOMPLETE
 
-    def _refuse_twins(self, observer: Observer, match: Match) -> None:
+    def _refuse_twins(self, match: Match, domain_id: int) -> None:
         """Two nodes of one name break a graph in ways that are hard to see. A free domain can't have them."""
-        observer.look(_DISCOVERY_S)
-        twins = sorted(set(observer.nodes()) & set(graph.node_names(match)))
+        deadline = monotonic() + _DISCOVERY_S
+        twins: list[str] = []
+        with closing(Observer(domain_id)) as observer:
+            while not (twins or self._interrupts.came or monotonic() > deadline):
+                observer.look(_LOOK_S)
+                twins = sorted(set(observer.nodes()) & set(graph.node_names(match)))
         if twins:
             raise BadInput(
-                f"{self._program}: node '{twins[0]}' runs already in ROS_DOMAIN_ID={self._domain_id}; "
+                f"{self._program}: node '{twins[0]}' runs already in ROS_DOMAIN_ID={domain_id}; "
                 "end it, or unset ROS_DOMAIN_ID to get a free domain"
             )
+
+    def _wait_for_words(self) -> None:
+        """Until every process has said something, for a moment: then it is in the graph, or about to be.
+
+        Whoever joins a domain announces itself several times at first, and is asked for once only later, so that an
+        observer that joins before the nodes often finds them with the next periodic announcement, 3 s late.
+        """
+        deadline = monotonic() + _WORDS_S
+        while not self._interrupts.came and monotonic() < deadline:
+            self._fail_on_exit()
+            if all(process.log_file.stat().st_size for process in self._started):
+                return
+            sleep(_LOOK_S)
 
     def _wait_for_graph(self, observer: Observer, match: Match) -> None:
         """The start barrier: until every node and topic is there. Fusion itself waits for its inputs meanwhile."""
@@ -159,16 +180,16 @@ class Supervision:
             if monotonic() > deadline:
                 raise Failure(f"after {self._start_timeout_s:g} s the graph still lacks {', '.join(missing)}")
 
-    def _watch(self, observer: Observer) -> int:
+    def _watch(self, observer: Observer) -> None:
+        """Until fusion has ended, or a signal asks for the end."""
         fusion = self._started[-1]
         while not self._interrupts.came:
             observer.look(_LOOK_S)
             if observer.status:
                 self._panel.show(observer.status)
             if fusion.exit_code in (DONE, INCOMPLETE):
-                return fusion.exit_code
+                return
             self._fail_on_exit()
-        return DONE
 
     def _fail_on_exit(self) -> None:
         for process in self._started:

@@ -6,11 +6,16 @@ Every process of a run carries a mark of its own in its environment, by which al
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
+import pty
 import select
 import signal
+import struct
 import subprocess
 import sys
+import termios
+import threading
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -37,7 +42,7 @@ class Run:
         script: an entry in scripts/.
         before: a command that this one is given to, such as `in_namespace`.
         environment: variables on top of the tests' own, from which what is personal to a user is taken.
-        terminal: file descriptor of a terminal that becomes its controlling one, and its stderr.
+        terminal: becomes its controlling one, and takes its stderr.
     """
 
     def __init__(
@@ -48,7 +53,7 @@ class Run:
         script: str = "bringup.py",
         before: Sequence[str] = (),
         environment: Mapping[str, str | None] | None = None,
-        terminal: int | None = None,
+        terminal: Terminal | None = None,
     ) -> None:
         self.place = place
         self.out = place / "run"
@@ -61,13 +66,14 @@ class Run:
                 [*before, sys.executable, str(ROOT / "scripts" / script), *arguments],
                 env={name: value for name, value in merged.items() if value is not None},
                 cwd=place,
-                stdin=subprocess.DEVNULL if terminal is None else terminal,
+                stdin=subprocess.DEVNULL if terminal is None else terminal.descriptor,
                 stdout=stdout,
-                stderr=stderr if terminal is None else terminal,
+                stderr=stderr if terminal is None else terminal.descriptor,
                 start_new_session=True,
                 preexec_fn=None if terminal is None else _take_terminal,
             )
-        self.begun_s = monotonic()
+        if terminal is not None:
+            os.close(terminal.descriptor)
 
     # What it says
 
@@ -156,10 +162,49 @@ class Run:
 
 def _take_terminal() -> None:
     """Makes the terminal that is stdin the controlling one, so that it sends its signals here."""
-    import fcntl
-    import termios
-
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+
+class Terminal:
+    """A pseudo-terminal that is read all the time, as a window would."""
+
+    def __init__(self, columns: int = 80) -> None:
+        self._master, self.descriptor = pty.openpty()
+        fcntl.ioctl(self.descriptor, termios.TIOCSWINSZ, struct.pack("4H", 24, columns, 0, 0))
+        self._data = b""
+        self._closing, self._close = os.pipe()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        while self._closing not in select.select([self._master, self._closing], [], [])[0]:
+            try:
+                self._data += os.read(self._master, 4096)
+            except OSError:  # nobody has it open any more
+                return
+
+    @property
+    def shown(self) -> str:
+        """Everything that was written to it."""
+        return self._data.decode()
+
+    def lines(self) -> list[list[str]]:
+        """Its lines, each with all that stood in it one after the other; when nobody has it open any more."""
+        self._reader.join(END_S)
+        assert not self._reader.is_alive(), "somebody still has the terminal open"
+        return [line.removesuffix("\r").split("\r") for line in self.shown.split("\n")]
+
+    def type(self, keys: bytes) -> None:
+        """Types on its keyboard."""
+        os.write(self._master, keys)
+
+    def close(self) -> None:
+        """Closes the window: whoever has it as the controlling terminal gets SIGHUP."""
+        os.write(self._close, b".")
+        self._reader.join()
+        for descriptor in (self._master, self.descriptor, self._closing, self._close):
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
 
 
 def in_namespace(before: str, after: str = "true") -> list[str]:

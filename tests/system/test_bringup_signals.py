@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
-import pty
 import signal
 from collections.abc import Callable
 
 import pytest
-from bringup_run import END_S, NODES, Run
+from bringup_run import END_S, NODES, Run, Terminal
 from run_directory_reader import finalised, summary_of
 
 Start = Callable[..., Run]
@@ -58,22 +56,21 @@ def test_a_second_signal_changes_nothing(start: Start) -> None:
 
 def test_control_c_at_a_terminal_ends_the_run(start: Start) -> None:
     """The terminal sends SIGINT to its foreground group: to the launcher, and not to the nodes."""
-    master, terminal = pty.openpty()
+    terminal = Terminal()
     run = start(*ENDLESS, terminal=terminal)
-    os.close(terminal)
     run.until_playing()
-    os.write(master, b"\x03\x03")
+    terminal.type(b"\x03\x03")
     ended_well(run)
-    os.close(master)
+    assert "ended by SIGINT" in terminal.shown
+    terminal.close()
 
 
 def test_a_terminal_that_is_closed_ends_the_run(start: Start) -> None:
     """SIGHUP, and from then on every line that is said fails."""
-    master, terminal = pty.openpty()
+    terminal = Terminal()
     run = start(*ENDLESS, terminal=terminal)
-    os.close(terminal)
     run.until_playing()
-    os.close(master)
+    terminal.close()
     ended_well(run)
 
 

@@ -1,0 +1,100 @@
+"""The graph as ROS tools see it: in real time, and composed by hand from single nodes."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from time import monotonic
+
+import domain_coordinator
+import pytest
+import rclpy
+from bringup_run import BEHAVIORS, END_S, Run
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from rosgraph_msgs.msg import Clock
+from run_directory_reader import digest_of, episodes_of, finalised, messages_of, summary_of
+from visualization_msgs.msg import MarkerArray
+
+Start = Callable[..., Run]
+
+
+@pytest.fixture
+def domain_id() -> Iterator[int]:
+    with domain_coordinator.domain_id() as number:
+        yield number
+
+
+@pytest.fixture
+def tool(domain_id: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Node]:
+    """A node of somebody else's in the domain."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=domain_id)
+    node = rclpy.create_node("tool", context=context)
+    yield node
+    node.destroy_node()
+    context.try_shutdown()
+
+
+def test_in_real_time_a_second_takes_a_second_and_ros_tools_see_everything(
+    start: Start, tool: Node, domain_id: int
+) -> None:
+    seen: dict[str, list[object]] = {}
+    topics = {"/clock": Clock, "/robot/pose": PoseStamped, "/ball/pose": PoseStamped, "/wall/pose": PoseStamped}
+    for topic, kind in {**topics, "/simulator/markers": MarkerArray}.items():
+        seen[topic] = []
+        tool.create_subscription(kind, topic, seen[topic].append, qos_profile_sensor_data)
+    executor = rclpy.executors.SingleThreadedExecutor(context=tool.context)
+    executor.add_node(tool)
+    match = ("--realtime", "1", "--episodes", "1", "--max-steps", "150", "--seed", "3")
+    run = start(*match, environment={"ROS_DOMAIN_ID": str(domain_id)})
+    deadline = monotonic() + 60
+    while run.popen.poll() is None and monotonic() < deadline:
+        executor.spin_once(timeout_sec=0.1)
+    assert run.exit_code(0) == 0, run.stderr
+    summary = summary_of(run.out)
+    assert summary["steps"] == 150
+    assert 40 <= summary["steps_per_s"] <= 70
+    assert finalised(run.out) == summary["messages_recorded"]
+    assert digest_of(messages_of(run.out)) == summary["digest"]
+    for topic in topics:
+        assert len(seen[topic]) > 75, topic
+    assert seen["/simulator/markers"]
+    stamps = [message.clock.sec * 10**9 + message.clock.nanosec for message in seen["/clock"]]
+    assert stamps == sorted(stamps)
+    assert stamps[-1] - stamps[0] > 1e9
+    assert {message.header.frame_id for message in seen["/robot/pose"]} == {"field"}
+
+
+def test_single_nodes_composed_by_hand_in_a_namespace_play_a_match(start: Start, domain_id: int) -> None:
+    environment = {"ROS_DOMAIN_ID": str(domain_id)}
+    team = ("--ros-args", "-r", "__ns:=/team")
+
+    def node(package: str, executable: str, *parameters: str) -> Run:
+        words = [word for parameter in parameters for word in ("-p", parameter)]
+        return start("run", package, executable, *team, *words, script="ros2", out=False, environment=environment)
+
+    simulator = node("fbql_sim", "simulator")
+    behaviors = [node("fbql_behaviors", name) for name in BEHAVIORS]
+    fusion = node("fbql_fusion", "fusion", "episodes:=1", "seed:=3")
+    assert fusion.exit_code() == 0, fusion.stderr
+    (out,) = (fusion.place / "runs").iterdir()
+    summary = summary_of(out)
+    assert summary["episodes"] == 1
+    launched = start("--episodes", "1", "--seed", "3", script="train.py")
+    assert launched.exit_code() == 0
+    assert summary["digest"] == summary_of(launched.out)["digest"]
+    assert [row["steps"] for row in episodes_of(out)] == [str(summary["steps"])]
+    messages = messages_of(out)
+    assert {message.topic for message in messages} == {
+        *("/team/world", "/team/wheel_command", "/team/fusion/decision"),
+        *(f"/team/behaviors/{name}" for name in BEHAVIORS),
+    }
+    for other, number in zip([simulator, *behaviors], [signal.SIGINT, signal.SIGTERM] * 2, strict=True):
+        assert other.popen.poll() is None, other.stderr
+        other.send(number)
+        assert other.exit_code(END_S) == 0, other.stderr
