@@ -333,6 +333,9 @@ def test_degraded_episode_is_not_learned_from_and_the_next_one_is(make_team, tmp
     team.play(1, 2, episode=1, collision_begun=True, collision=True)
     assert not team.decisions[-1].degraded
     assert team.policy(tmp_path / "next.npz") != before
+    team.silence(0)
+    team.play(3, episode=1)
+    assert team.bench.said().count("no answer from ball_seeking") == 2, "it is said once in each episode"
 
 
 def test_behavior_that_answers_again_is_waited_for_again(make_team, bench):
@@ -547,6 +550,17 @@ def test_refused_episode_ends_the_run_with_the_reason(make_team, bench):
     bench.until(team.fusion.finished.done, "the run to end")
     assert team.fusion.finished.result() == FAILED
     assert "the simulator refused an episode: out of order" in bench.said()
+
+
+def test_simulator_that_is_away_between_episodes_is_asked_when_it_is_back(make_team, bench):
+    team = make_team(behavior_timeout_s=0.1)
+    world = team.simulator.show(0, 1, terminated=True, goal=True)
+    bench.remove(team.simulator)
+    bench.until(lambda: team.decisions[-1].step == 1, "the decision of the last step")
+    assert team.decisions[-1].stamp_ns == world.stamp_ns
+    team.simulator = bench.add(FakeSimulator)
+    bench.until(lambda: team.simulator.granted, "the next episode to be asked for")
+    assert team.simulator.granted[0] == (1, episode_seed(0, 1))
 
 
 def test_simulator_that_was_started_again_is_asked_for_the_episode_again(make_team, bench, tmp_path):

@@ -265,6 +265,8 @@ def test_command_whose_stamp_is_in_the_future_is_not_driven_in_real_time(bench, 
 def test_command_of_the_episode_before_is_not_driven_in_real_time(bench, realtime):
     realtime.reset(episode=0)
     old = realtime.worlds[-1]
+    realtime.command(old)
+    bench.until(lambda: realtime.worlds[-1].robot_speed_m_s > 0, "the robot to move")
     realtime.reset(episode=1)
     realtime.command(old)
     bench.until(lambda: realtime.worlds[-1].step >= 5, "five steps")

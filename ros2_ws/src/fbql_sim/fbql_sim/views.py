@@ -47,7 +47,8 @@ class Views:
     """Publishes the views of a world state.
 
     Args:
-        always: publish every world state (real time); otherwise only what has a subscriber, looked up by refresh().
+        always: publish poses and clock of every world state (real time); otherwise only what has a subscriber, looked
+            up by refresh(). Markers, which cost more than all else together, are made for subscribers only.
     """
 
     def __init__(self, node: Node, always: bool) -> None:
