@@ -16,7 +16,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 REAL_PYTHON = Path(sys.base_prefix) / "bin" / "python3.12"
-START_TIMEOUT_S = 240
+START_TIMEOUT_S = 600
 
 KEPT_SCRIPTS = ("environment", "ros2", "env.sh", "test.py", "launcher/__init__.py", "launcher/test.py")
 KEPT_REQUIREMENTS = re.compile(
