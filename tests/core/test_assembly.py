@@ -99,6 +99,14 @@ def test_episode_counts_from_its_first_step_on():
     assert assembly.add_world(world_of(1, episode=1, stamp_ns=2), b"") is Arrival.NEW
 
 
+def test_episode_that_was_lost_counts_from_wherever_it_is_found():
+    assembly = assembly_at(4)
+    assembly.begin(0, anywhere=True)
+    assert assembly.add_world(world_of(7, stamp_ns=1), b"") is Arrival.NEW
+    assembly.begin(1)
+    assert assembly.add_world(world_of(7, episode=1), b"") is Arrival.FOREIGN
+
+
 def test_answers_of_the_episode_before_are_forgotten():
     assembly, world = assembly_at(4), world_of(5)
     answer_all(assembly, world)

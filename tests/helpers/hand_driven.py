@@ -178,7 +178,7 @@ class Partner(Node):
 class FakeSimulator(Node):
     """Publishes the world states it is told to, grants episodes, keeps the commands.
 
-    A granted episode begins with a world state of step 0 at once. `stamp_ns` is that of the last world state.
+    A granted episode begins with a world state of step 0 at once, unless `loses_first`. `stamp_ns` is that of the last world state.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -186,6 +186,7 @@ class FakeSimulator(Node):
         self.commands = listen(self, WheelCommand, WHEEL_COMMAND)
         self.granted: list[tuple[int, int]] = []
         self.refusal = ""
+        self.loses_first = False
         self.stamp_ns = 0
         self.publisher = self.create_publisher(MESSAGES[World], WORLD, STEP_QOS)
         self.create_service(ResetEpisode, RESET_EPISODE, self._on_reset)
@@ -194,7 +195,8 @@ class FakeSimulator(Node):
         response.success, response.message = not self.refusal, self.refusal
         if not self.refusal:
             self.granted.append((request.episode, request.seed))
-            self.show(request.episode, 0)
+            if not self.loses_first:
+                self.show(request.episode, 0)
         return response
 
     def show(self, episode: int, step: int, **fields: Any) -> World:

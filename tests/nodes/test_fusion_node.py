@@ -587,6 +587,23 @@ def test_simulator_that_was_started_again_is_asked_for_the_episode_again(make_te
     assert team.simulator.granted[1] == (1, episode_seed(0, 1))
 
 
+def test_episode_whose_first_world_gets_lost_is_played_from_where_it_is_found(make_team, bench):
+    team = make_team(world_timeout_s=0.1)
+    team.simulator.loses_first = True
+    team.play(1, terminated=True, goal=True)
+    bench.until(lambda: len(team.simulator.granted) == 2, "the next episode")
+
+    def next_step():
+        world = team.behaviors[0].worlds[-1]
+        if world.stamp_ns == team.simulator.stamp_ns:
+            team.simulator.show(1, world.step + 1)
+        return team.decisions[-1].episode == 1
+
+    bench.until(next_step, "a decision in the next episode")
+    assert team.decisions[-1].step > 0 and team.decisions[-1].degraded
+    assert team.simulator.granted[1:] == [(1, episode_seed(0, 1))] * 2, "it was asked for again once"
+
+
 def test_world_states_of_somebody_else_do_not_end_an_episode_under_way(make_team, bench):
     team = make_team(world_timeout_s=0.1)
     steps = iter(range(1, 10_000))

@@ -49,7 +49,7 @@ class Episodes:
         self.under_way = False
         asked = self._session.next_episode()
         if asked is not None:
-            self._begin(asked)
+            self._begin(asked, anywhere=False)
         return asked is not None
 
     def heard_foreign(self, world: World) -> None:
@@ -62,17 +62,17 @@ class Episodes:
                 f"the simulator is at episode {world.episode}, step {world.step}: episode {episode} is lost and begins "
                 "again; nothing more is learned in it"
             )
-            self._begin((episode, seed))
+            self._begin((episode, seed), anywhere=True)
 
     def check(self, now_s: float) -> None:
         """Asks again when no answer came. Asking again does no harm (ResetEpisode.srv)."""
         if self._asked is not None and now_s - self._asked_s > _ASK_AGAIN_S and self.can_ask():
             self._ask(self._asked)
 
-    def _begin(self, asked: tuple[int, int]) -> None:
+    def _begin(self, asked: tuple[int, int], anywhere: bool) -> None:
         self._asked, self._asked_s = asked, float("-inf")
         self.heard_s = monotonic()
-        self._assembly.begin(asked[0])
+        self._assembly.begin(asked[0], anywhere)
         self._ask(asked)
 
     def _ask(self, asked: tuple[int, int]) -> None:

@@ -49,12 +49,18 @@ class StepAssembly:
         self._names = tuple(behaviors)
         self._waited_for = [True] * len(self._names)
         self._episode: int | None = None
+        self._anywhere = False
         self._decided: World | None = None
         self._steps: dict[int, Step] = {}
 
-    def begin(self, episode: int) -> None:
-        """An episode was asked for: only its world states count from here on, beginning with step 0."""
+    def begin(self, episode: int, anywhere: bool = False) -> None:
+        """An episode was asked for: only its world states count from here on.
+
+        They count from step 0 on, since an earlier run may have left the simulator in an episode of the same number;
+        `anywhere`: from the first one that comes, since step 0 got lost before.
+        """
         self._episode = episode
+        self._anywhere = anywhere
         self._decided = None
         self._steps.clear()
 
@@ -64,7 +70,7 @@ class StepAssembly:
         if world.episode != self._episode:
             return Arrival.FOREIGN
         if decided is None:
-            if world.step != 0 and self.oldest() is None:
+            if world.step != 0 and not self._anywhere and self.oldest() is None:
                 return Arrival.FOREIGN
         elif world.stamp_ns <= decided.stamp_ns or world.step <= decided.step:
             return Arrival.DECIDED if world == decided else Arrival.FOREIGN
