@@ -10,25 +10,34 @@ from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
 
-from fbql_behaviors.core.evaluation import held_out_rmse
+from fbql_behaviors.cart import grow_cart, scikit_learn
+from fbql_behaviors.core.evaluation import cross_validated_rmse, wheel_rmse
 from fbql_behaviors.core.induction import InductionParameters, induce
 from fbql_behaviors.core.observation import OBSERVATIONS, observation_of
-from fbql_behaviors.core.patterns import Demonstration, patterns_of
+from fbql_behaviors.core.patterns import Demonstration, Patterns, patterns_of
 from fbql_behaviors.core.quantizer import rad_s_of
 from fbql_behaviors.core.recipes import Recipe, recipe_of
+from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.core.tree_value import tree_value
 from fbql_behaviors.demonstration_storage import load_demonstrations
 from fbql_behaviors.storage import save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, limits_of, types_of
 
+from launcher.induction_report import Induction, induction_page
 from launcher.instruct import instruct
 from launcher.make_trees import DEMONSTRATION_SEED, INDUCTION_SEED
+from launcher.observations import add_observation_option, know_observations
 from launcher.options import Parser
 from launcher.places import new_path
 
 PROGRAM = "induce.py"
+CART = "cart"
+METHOD_HELP = "; cart: by scikit-learn, to be compared with"
+BESIDE = Path()
+"""The value of --report without a file."""
 _DONE, _FAILED, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130
 
 
@@ -46,35 +55,91 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _induce(arguments: argparse.Namespace) -> int:
+    know_observations(arguments.observation, [arguments.behavior])
     behavior = arguments.behavior
     recipe = _recipe(arguments)
-    patterns = patterns_of(_demonstrations(arguments, recipe), observation_of(behavior), recipe.every, recipe.patterns)
+    if arguments.method == CART:
+        scikit_learn()  # before anything takes long, and before time is taken
+    demonstrations = _demonstrations(arguments, recipe)
+    patterns = patterns_of(demonstrations, observation_of(behavior), recipe.every, recipe.patterns)
     for warning in patterns.warnings():
         print(f"{PROGRAM}: WARNING: {warning}", file=sys.stderr)
     begun_s = monotonic()
-    induced = induce(behavior, patterns, recipe.induction, arguments.seed)
+    made = _made(arguments, patterns, recipe.induction)
     seconds = monotonic() - begun_s
-    tree = induced.tree
-    rmse = held_out_rmse(behavior, patterns, recipe.induction, arguments.seed)
+    rmse = cross_validated_rmse(patterns, lambda part: _made(arguments, part, recipe.induction).tree)
     path = arguments.out or new_path(f"tree-{behavior}") / f"{behavior}.json"
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        save_tree(path, tree)
-    except OSError as error:
-        print(f"{PROGRAM}: {path}: cannot be written ({error.strerror})", file=sys.stderr)
-        return _FAILED
+    report = path.with_suffix(".html") if arguments.report is BESIDE else arguments.report
     result = {
-        "leaves": tree.leaf_count,
+        "leaves": made.tree.leaf_count,
         "rmse_levels": rmse,
         "rmse_rad_s": None if rmse is None else rad_s_of(rmse),
-        "root_value": induced.value if isfinite(induced.value) else None,
+        "root_value": made.value if isfinite(made.value) else None,
         "seconds": seconds,
         "path": str(path),
         "patterns": len(patterns),
-        "sha256": tree.hash,
+        "sha256": made.tree.hash,
+        "report": None if report is None else str(report),
     }
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_tree(path, made.tree)
+        if report is not None:
+            report.parent.mkdir(parents=True, exist_ok=True)
+            report.write_text(_page(arguments, recipe.induction, demonstrations, patterns, made, rmse))
+    except OSError as error:
+        print(f"{PROGRAM}: {error.filename or path}: cannot be written ({error.strerror})", file=sys.stderr)
+        return _FAILED
     print(json.dumps(result) if arguments.json else _worded(result))
     return _DONE
+
+
+class _Made(NamedTuple):
+    """A tree by whatever method."""
+
+    tree: Tree
+    value: float
+    """What it is worth by the objective, of whatever method it is."""
+    curve: list[float]
+    tried: dict[int, float]
+
+
+def _made(arguments: argparse.Namespace, patterns: Patterns, parameters: InductionParameters) -> _Made:
+    if arguments.method == CART:
+        cart = grow_cart(arguments.behavior, patterns, arguments.seed, arguments.leaves)
+        return _Made(cart.tree, tree_value(cart.tree, patterns, parameters), [], cart.tried)
+    tree, value, curve = induce(arguments.behavior, patterns, parameters, arguments.seed)
+    return _Made(tree, value, curve, {})
+
+
+def _page(
+    arguments: argparse.Namespace,
+    parameters: InductionParameters,
+    demonstrations: list[Demonstration],
+    patterns: Patterns,
+    made: _Made,
+    rmse: float | None,
+) -> str:
+    optimum = induce(arguments.behavior, patterns, replace(parameters, method="dp"), arguments.seed).value
+    source = f"Scripted instructor, seed {DEMONSTRATION_SEED}"
+    if arguments.demos:
+        source = "Recordings " + ", ".join(path.name for path in arguments.demos)
+    return induction_page(
+        Induction(
+            tree=made.tree,
+            patterns=patterns,
+            demonstrations=len(demonstrations),
+            source=source,
+            method=arguments.method or parameters.method,
+            objective=parameters.objective,
+            value=made.value,
+            optimum=optimum,
+            rmse=rmse,
+            training_rmse=wheel_rmse(made.tree, patterns),
+            curve=made.curve,
+            tried=made.tried,
+        )
+    )
 
 
 def _worded(result: dict[str, Any]) -> str:
@@ -88,6 +153,7 @@ def _worded(result: dict[str, Any]) -> str:
             f"  held-out error of the wheel velocities   {error}",
             f"  value of the root                        {value}",
             f"  tree                                     {result['path']}",
+            *([f"  report                                   {result['report']}"] if result["report"] else []),
         )
     )
 
@@ -103,6 +169,10 @@ def _recipe(arguments: argparse.Namespace) -> Recipe:
     """The behavior's recipe with what the command line says instead."""
     recipe = recipe_of(arguments.behavior)
     given = {name: value for name in types_of(InductionParameters) if (value := getattr(arguments, name)) is not None}
+    if arguments.method == CART:
+        del given["method"]
+    elif arguments.leaves is not None:
+        raise BadInput("--leaves is for --method cart; the other methods choose the number themselves (--split-cost)")
     usual = recipe.printed if arguments.objective == "printed" else recipe.induction
     recipe = replace(recipe, induction=replace(usual, **given))
     check(recipe.induction, "induction")
@@ -134,6 +204,18 @@ def _parser() -> Parser:
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="tree file (runs/TIME-tree-BEHAVIOR/BEHAVIOR.json)")
     parser.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    parser.add_argument(
+        "--report",
+        type=Path,
+        nargs="?",
+        const=BESIDE,
+        metavar="FILE",
+        help="write a page about the tree and how it was made (beside the tree file, as .html)",
+    )
+    parser.add_argument(
+        "--leaves", type=int, metavar="N", help="leaves of --method cart (as many as cross-validation chooses)"
+    )
+    add_observation_option(parser)
     group = parser.add_argument_group("induction", "without an option the behavior's recipe holds")
     kinds = types_of(InductionParameters)
     for name, limits in limits_of(InductionParameters).items():
@@ -141,8 +223,8 @@ def _parser() -> Parser:
         group.add_argument(
             f"--{name.replace('_', '-')}",
             type=kinds[name],
-            choices=limits.choices,
+            choices=(*limits.choices, CART) if name == "method" and limits.choices else limits.choices,
             metavar=None if limits.choices else "N",
-            help=limits.description.replace("%", "%%") + unit,
+            help=limits.description.replace("%", "%%") + unit + (METHOD_HELP if name == "method" else ""),
         )
     return parser

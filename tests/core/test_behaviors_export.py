@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from fbql_behaviors.core.curve_svg import curve_svg
 from fbql_behaviors.core.explanation import Motion, rules
 from fbql_behaviors.core.export import c_name, to_c, to_dot
 from fbql_behaviors.core.observation import Feature
@@ -188,3 +189,33 @@ def test_ticks_are_round_and_inside() -> None:
     assert ticks_between(0.0, 3.2) == (0.0, 1.0, 2.0, 3.0)
     assert multiples(45.0, -180.0, 180.0) == tuple(45.0 * k for k in range(-4, 5))
     assert ticks_between(0.0, 0.96) == pytest.approx((0.0, 0.2, 0.4, 0.6, 0.8))
+
+
+def test_a_curve_goes_through_its_points_beside_its_level() -> None:
+    svg = curve_svg("Learning", [(1.0, 0.0), (2.0, 1.0), (3.0, 0.5)], "trial", "value", ("best", 1.0))
+    parsed = ElementTree.fromstring(svg)
+    places = [place.split(",") for place in parsed.findall(f"{SVG}polyline")[0].attrib["points"].split()]
+    assert [float(x) for x, _ in places] == [64.0, 344.0, 624.0]
+    dashed = next(line for line in parsed.iter(f"{SVG}line") if "stroke-dasharray" in line.attrib)
+    assert float(dashed.attrib["y1"]) == float(dashed.attrib["y2"]) == float(places[1][1])
+
+
+def test_a_curve_of_doublings_gives_each_the_same_width() -> None:
+    svg = curve_svg("Sizes", [(1.0, 3.0), (4.0, 2.0), (16.0, 2.5)], "leaves", "error", doubling=True)
+    places = re.findall(r'points="([^"]*)"', svg)[0].split()
+    assert [float(place.split(",")[0]) for place in places] == [64.0, 344.0, 624.0]
+    texts = [each.text for each in ElementTree.fromstring(svg).iter(f"{SVG}text")]
+    assert texts[1:6] == ["1", "2", "4", "8", "16"]
+
+
+@pytest.mark.parametrize("points", [[], [(1.0, 2.0)], [(1.0, inf), (2.0, 1.0)], [(1.0, 0.0), (2.0, 0.0)]])
+def test_a_curve_without_two_different_points_is_a_picture_too(points: list[tuple[float, float]]) -> None:
+    assert ElementTree.fromstring(curve_svg("", points, "x", "y", ("level", 0.0))).tag == f"{SVG}svg"
+    assert ElementTree.fromstring(curve_svg("", points, "x", "y")).tag == f"{SVG}svg"
+
+
+def test_a_long_curve_is_thinned_and_keeps_its_ends() -> None:
+    svg = curve_svg("", [(float(k), float(k)) for k in range(50_000)], "trial", "value")
+    places = re.findall(r'points="([^"]*)"', svg)[0].split()
+    assert 1000 <= len(places) <= 1001
+    assert (places[0].split(",")[0], places[-1].split(",")[0]) == ("64", "624")

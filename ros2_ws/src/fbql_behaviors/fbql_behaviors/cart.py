@@ -55,7 +55,7 @@ def held_out_by_leaves(behavior: str, patterns: Patterns, seed: int) -> dict[int
 
 
 def _grown(behavior: str, seed: int, leaves: int, patterns: Patterns) -> Tree:
-    sklearn, trees = _scikit_learn()
+    sklearn, trees = scikit_learn()
     # scikit-learn's max_leaf_nodes begins at 2.
     size = {"max_depth": 1, "min_samples_split": len(patterns) + 2} if leaves == 1 else {"max_leaf_nodes": leaves}
     estimator = trees.DecisionTreeRegressor(random_state=seed % 2**32, **size)
@@ -71,7 +71,8 @@ def _grown(behavior: str, seed: int, leaves: int, patterns: Patterns) -> Tree:
     return from_sklearn(estimator, behavior, patterns.features, origin, LEVEL_RAD_S)
 
 
-def _scikit_learn() -> tuple[Any, Any]:
+def scikit_learn() -> tuple[Any, Any]:
+    """The modules sklearn and sklearn.tree; the first call takes a second. Raises BadInput when they are not installed."""
     try:
         return import_module("sklearn"), import_module("sklearn.tree")
     except ModuleNotFoundError:

@@ -8,7 +8,7 @@ observations so far and on the generator it was given.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, pi, sqrt
 
@@ -16,10 +16,8 @@ import numpy as np
 from fbql_common.core.errors import BadInput
 from fbql_common.core.field import MAX_WHEEL_RAD_S
 
+from fbql_behaviors.core.observation import OBSERVATIONS, Law
 from fbql_behaviors.core.quantizer import LEVEL_RAD_S
-
-Law = Callable[[Sequence[float]], tuple[float, float]]
-
 
 NEAR_WALL_M = 0.2
 """Distance from which on the instructor minds a wall [m]."""
@@ -75,17 +73,18 @@ class Habits:
 
 
 INSTRUCTORS: dict[str, Law] = {"ball_seeking": seek_ball, "wall_avoiding": avoid_wall, "approaching": approach}
-"""Behavior name -> the law of its scripted instructor."""
+"""Behavior name -> the law of its scripted instructor. A new behavior has it in its `Observation`."""
 
 
 def instructor_of(behavior: str) -> Law:
     """The law of a behavior's scripted instructor. Raises BadInput, naming the known ones, when there is none."""
-    try:
-        return INSTRUCTORS[behavior]
-    except KeyError:
+    own = OBSERVATIONS[behavior].instructor if behavior in OBSERVATIONS else None
+    law = own or INSTRUCTORS.get(behavior)
+    if law is None:
         raise BadInput(
             f"behavior '{behavior}' has no scripted instructor; there is one for: {', '.join(sorted(INSTRUCTORS))}"
-        ) from None
+        )
+    return law
 
 
 class Hand:

@@ -2,12 +2,12 @@
 
 An `Observation` declares its features (name, unit, root region) beside the function, because the patterns, the tree and
 the tree file all depend on them. Angles are in [-pi, pi), so that the root region [low, high) holds every one of them.
-A new behavior registers its own with `register`; nothing else in the package changes.
+A new behavior brings its own, and nothing in the package changes: `fbql_behaviors.observation_loading` finds it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import asin, atan2, hypot, pi, remainder, tau
 from typing import NamedTuple
@@ -17,6 +17,8 @@ from fbql_common.core.field import FIELD
 from fbql_common.core.types import World
 
 Sense = Callable[[World], tuple[float, ...]]
+Law = Callable[[Sequence[float]], tuple[float, float]]
+"""What a scripted instructor does: from an observation to wheel velocities, left and right [rad/s]."""
 
 
 class Feature(NamedTuple):
@@ -30,10 +32,12 @@ class Feature(NamedTuple):
 
 @dataclass(frozen=True)
 class Observation:
-    """The features of a behavior and the function that senses them, in the same order."""
+    """The features of a behavior and the function that senses them, in the same order: all that a new behavior has to say."""
 
     features: tuple[Feature, ...]
     sense: Sense
+    instructor: Law | None = None
+    """Who can show the behavior, if it is not left to a person."""
 
 
 DISTANCE_M = 3.2

@@ -20,6 +20,8 @@ class Axis(NamedTuple):
     begin: float
     end: float
     ticks: tuple[float, ...]
+    numbers: tuple[str, ...] = ()
+    """What stands at the ticks; the ticks themselves unless given."""
 
     def at(self, value: float) -> float:
         """The pixel of a value."""
@@ -72,15 +74,19 @@ def frame(x: Axis, y: Axis) -> list[str]:
         f'<rect x="{number(left)}" y="{number(top)}" width="{number(right - left)}" '
         f'height="{number(bottom - top)}" fill="none" stroke="{FRAME}"/>'
     ]
-    for value in x.ticks:
-        parts += [line(x.at(value), bottom, x.at(value), bottom + 5), text(x.at(value), bottom + 18, f"{value:g}")]
-    for value in y.ticks:
-        parts += [line(left - 5, y.at(value), left, y.at(value)), text(left - 8, y.at(value) + 4, f"{value:g}", "end")]
+    for value, label in _labelled(x):
+        parts += [line(x.at(value), bottom, x.at(value), bottom + 5), text(x.at(value), bottom + 18, label)]
+    for value, label in _labelled(y):
+        parts += [line(left - 5, y.at(value), left, y.at(value)), text(left - 8, y.at(value) + 4, label, "end")]
     parts.append(text((left + right) / 2, bottom + 38, x.label, size=13))
     if y.label:
         place = f"{number(left - 44)} {number((top + bottom) / 2)}"
         parts.append(f'<g transform="translate({place}) rotate(-90)">{text(0, 0, y.label, size=13)}</g>')
     return parts
+
+
+def _labelled(axis: Axis) -> list[tuple[float, str]]:
+    return list(zip(axis.ticks, axis.numbers or [f"{value:g}" for value in axis.ticks], strict=True))
 
 
 def dots(x: Axis, y: Axis, points: Sequence[tuple[float, float]]) -> str:

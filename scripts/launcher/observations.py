@@ -1,0 +1,36 @@
+"""The option --observation of the commands: behaviors that no package knows."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from fbql_behaviors.core.observation import OBSERVATIONS, register
+from fbql_behaviors.observation_loading import find_observation, load_observation
+
+
+def add_observation_option(parser: argparse._ActionsContainer) -> None:
+    """Adds --observation FILE.py:NAME, which may be repeated."""
+    parser.add_argument(
+        "--observation",
+        action="append",
+        default=[],
+        metavar="FILE.py:NAME",
+        help="what a behavior of your own senses: an Observation in a Python file; NAME is the behavior's name",
+    )
+
+
+def know_observations(sources: Sequence[str], behaviors: Sequence[str] = ()) -> dict[str, str]:
+    """Makes the observations of these files known, and those that behaviors have from installed packages.
+
+    Gives the file (FILE.py:NAME, absolute) of each behavior that came from one. Raises BadInput.
+    """
+    found: dict[str, str] = {}
+    for source in sources:
+        loaded = load_observation(source)
+        register(loaded.behavior, loaded.observation)
+        found[loaded.behavior] = loaded.source
+    for behavior in behaviors:
+        if behavior not in OBSERVATIONS:
+            register(behavior, find_observation(behavior))
+    return found
