@@ -22,7 +22,7 @@ from mcap.reader import make_reader
 SCALE = 360.0
 """Pixels a metre."""
 MARGIN_M = 0.2
-LEGEND_M = 0.34
+LEGEND_M = 0.22
 COLORS = ("#e69f00", "#56b4e9", "#cc79a7", "#f0e442", "#d55e00", "#999999")
 """One a behavior, told apart by colour-blind readers (Okabe and Ito), on the field's green."""
 BLEND_COLOR = "#ffffff"
@@ -66,7 +66,7 @@ def read_episode(run: Path, episode: int) -> tuple[list[World], list[Decision]]:
 def picture(worlds: Sequence[World], decisions: Sequence[Decision]) -> str:
     """The SVG."""
     parts = [_field()]
-    parts.append(_trail([(w.ball_x_m, w.ball_y_m) for w in worlds], "#ff7f0e", 2.0, "2 5"))
+    parts.append(_trail([(w.ball_x_m, w.ball_y_m) for w in worlds], "#ff7f0e", 2.5, "3 4"))
     parts += _robot_trail(worlds, decisions)
     parts.append(_robot(worlds[0], 0.45))
     parts.append(_ball(worlds[0], 0.45))
@@ -201,7 +201,7 @@ def _legend(worlds: Sequence[World], decisions: Sequence[Decision]) -> str:
         parts.append(f'<path d="M{x:.0f} {y:.0f}h26" stroke="{color}" stroke-width="5"/>')
         parts.append(f'<text x="{x + 32:.0f}" y="{y + 5:.0f}">{name}</text>')
         x += 50 + 9 * len(name)
-    parts.append(f'<path d="M{x:.0f} {y:.0f}h26" stroke="#ff7f0e" stroke-width="2" stroke-dasharray="2 5"/>')
+    parts.append(f'<path d="M{x:.0f} {y:.0f}h26" stroke="#ff7f0e" stroke-width="2.5" stroke-dasharray="3 4"/>')
     parts.append(f'<text x="{x + 32:.0f}" y="{y + 5:.0f}">ball</text>')
     caption = f"{decisions[0].controller}, episode {end.episode}: {outcome} after {end.step} steps ({seconds:.1f} s)"
     parts.append(f'<text x="{-SCALE * FIELD.half_length_m:.0f}" y="{y + 34:.0f}">{caption}</text>')
