@@ -217,6 +217,7 @@ class SetUp:
         command += ["--packages-select", *stale]
         environ = build_environment(self.target, self.environ)
         environ["COLCON_HOME"] = str(self.target.state / "colcon")  # the user's colcon defaults are for other work
+        (self.logs / "build.txt").write_bytes(b"")  # what an earlier build finished is not what this one did
         try:
             self.run(command, environ, "build", step, cwd=self.target.workspace)
         finally:

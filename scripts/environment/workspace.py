@@ -148,8 +148,13 @@ def build_stamp(target: Target, name: str, fingerprint: str) -> dict[str, object
     The time of a file that colcon writes last in every build is in it: when somebody else built over our install
     space (a plain `colcon build` with another ROS), the stamp no longer fits.
     """
-    written = target.install / name / "share" / name / "package.sh"
+    written = written_last(target, name)
     return {"fingerprint": fingerprint, "built_ns": written.stat().st_mtime_ns if written.exists() else None}
+
+
+def written_last(target: Target, name: str) -> Path:
+    """The file that colcon writes last for a package: without it there is no whole package."""
+    return target.install / name / "share" / name / "package.sh"
 
 
 def stale_packages(target: Target, wanted: dict[str, str]) -> list[str]:
@@ -157,7 +162,8 @@ def stale_packages(target: Target, wanted: dict[str, str]) -> list[str]:
     return [
         name
         for name, fingerprint in wanted.items()
-        if stamps.read(target.install / name / STAMP) != build_stamp(target, name, fingerprint)
+        if not written_last(target, name).exists()
+        or stamps.read(target.install / name / STAMP) != build_stamp(target, name, fingerprint)
     ]
 
 

@@ -207,6 +207,13 @@ def test_a_package_is_stale_until_stamped_and_when_somebody_else_built_over_it(m
     assert "node" in workspace.stale_packages(made, wanted(made))
 
 
+def test_a_package_that_is_not_whole_is_stale_whatever_its_stamp_says(made: Target, source: Path) -> None:
+    install(made, "node")
+    (made.install / "node/share/node/package.sh").unlink()
+    stamps.write(made.install / "node" / workspace.STAMP, workspace.build_stamp(made, "node", wanted(made)["node"]))
+    assert "node" in workspace.stale_packages(made, wanted(made))
+
+
 def test_what_is_installed_without_a_source_is_left_over(made: Target, source: Path) -> None:
     install(made, "node")
     before = wanted(made)
