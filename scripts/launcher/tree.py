@@ -1,0 +1,173 @@
+"""Tree files: in words, in other languages, checked, and made from trees of scikit-learn."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from math import degrees, isfinite, radians
+from pathlib import Path
+from typing import Any
+
+from fbql_behaviors.core.explanation import explained, rules
+from fbql_behaviors.core.export import to_c, to_dot
+from fbql_behaviors.core.observation import observation_of
+from fbql_behaviors.core.partition_svg import partition_svg
+from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.sklearn_trees import from_arrays
+from fbql_behaviors.storage import MAX_BYTES, load_tree, save_tree, tree_to_bytes
+from fbql_common.core.errors import BadInput
+
+from launcher.observations import add_observation_option, know_observations
+from launcher.options import Parser
+from launcher.panel import print_result
+
+PROGRAM = "tree.py"
+FORMATS: Mapping[str, Callable[[Tree], str]] = {
+    "c": to_c,
+    "dot": to_dot,
+    "svg": partition_svg,
+    "json": lambda tree: tree_to_bytes(tree).decode(),
+}
+_DONE, _FAILED, _BAD_INPUT = 0, 1, 2
+
+
+def main(argv: Sequence[str]) -> int:
+    """Runs the command. Gives the exit code."""
+    arguments = _parser().parse_args(list(argv))
+    try:
+        know_observations(arguments.observation)
+        return arguments.run(arguments)
+    except BadInput as error:
+        print(f"{PROGRAM}: {error}", file=sys.stderr)
+        return _BAD_INPUT
+    except OSError as error:
+        print(f"{PROGRAM}: {error.filename or 'output'}: cannot be written ({error.strerror})", file=sys.stderr)
+        return _FAILED
+
+
+def _explain(arguments: argparse.Namespace) -> int:
+    tree = load_tree(arguments.file)
+    chosen = range(tree.leaf_count)
+    if arguments.at is not None:
+        chosen = [tree.answer(_observation(arguments.at, tree))[0]]
+    if arguments.json:
+        every = rules(tree)
+        leaves = [
+            {"leaf_id": k, "rule": every[k].sentence, "motion": every[k].what, **tree.leaves[k]._asdict()}
+            for k in chosen
+        ]
+        print_result(json.dumps({"behavior": tree.behavior, "sha256": tree.hash, "leaves": leaves}))
+    elif arguments.at is not None:
+        print_result(f"leaf {chosen[0]}: {rules(tree)[chosen[0]].sentence}")
+    else:
+        print_result(f"{_summary(tree)}\n{explained(tree)}")
+    return _DONE
+
+
+def _observation(text: str, tree: Tree) -> tuple[float, ...]:
+    """What --at says, inside of the root region; angles are given in degrees."""
+    words = text.split(",")
+    if len(words) != len(tree.features):
+        names = ",".join(feature.name for feature in tree.features)
+        raise BadInput(f"--at {text}: {len(words)} values; this tree senses {names}")
+    values: list[float] = []
+    for word, feature in zip(words, tree.features, strict=True):
+        try:
+            value = float(word)
+        except ValueError:
+            raise BadInput(f"--at {text}: '{word}' is no number") from None
+        if not isfinite(value):
+            raise BadInput(f"--at {text}: {feature.name} is {word}; it must be finite")
+        values.append(radians(value) if feature.unit == "rad" else value)
+    return tree.clamp(values)
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    tree = load_tree(arguments.file)
+    if arguments.json:
+        print_result(json.dumps({"behavior": tree.behavior, "leaves": tree.leaf_count, "sha256": tree.hash}))
+    else:
+        print_result(f"{arguments.file}: sound. {_summary(tree)}")
+    return _DONE
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    text = FORMATS[arguments.to](load_tree(arguments.file))
+    if arguments.out is None:
+        print_result(text.removesuffix("\n"))
+    else:
+        arguments.out.write_text(text, encoding="utf-8")
+        print(f"{arguments.out}: {len(text)} characters", file=sys.stderr)
+    return _DONE
+
+
+def _import(arguments: argparse.Namespace) -> int:
+    know_observations([], [arguments.behavior])
+    features = observation_of(arguments.behavior).features
+    try:
+        tree = from_arrays(_read_json(arguments.file), arguments.behavior, features, {"method": "imported"})
+    except BadInput as error:
+        raise BadInput(f"{arguments.file}: {error}") from None
+    save_tree(arguments.out, tree)
+    print_result(f"{arguments.out}: {_summary(tree)}")
+    return _DONE
+
+
+def _read_json(path: Path) -> Mapping[str, Any]:
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise BadInput(f"cannot be read ({error.strerror})") from None
+    if len(data) > MAX_BYTES:
+        raise BadInput(f"more than {MAX_BYTES} bytes; a tree is smaller")
+    try:
+        found: Any = json.loads(data)
+    except UnicodeDecodeError:
+        raise BadInput("not JSON: it is no text") from None
+    except json.JSONDecodeError as error:
+        raise BadInput(f"not JSON, or truncated: {error.msg} in line {error.lineno}") from None
+    except RecursionError:
+        raise BadInput("nested too deeply") from None
+    if not isinstance(found, dict):
+        raise BadInput("expected an object with the arrays of a scikit-learn tree")
+    return found
+
+
+def _summary(tree: Tree) -> str:
+    senses = ", ".join(
+        f"{feature.name} {degrees(feature.low):.0f} to {degrees(feature.high):.0f} degrees"
+        if feature.unit == "rad"
+        else f"{feature.name} {feature.low:g} to {feature.high:g} {feature.unit}".strip()
+        for feature in tree.features
+    )
+    return f"{tree.behavior}: {tree.leaf_count} leaves; senses {senses}; SHA-256 {tree.hash}"
+
+
+def _parser() -> Parser:
+    parser = Parser(prog=PROGRAM, description="Explains, exports, checks and imports tree files.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=Parser)
+
+    def command(name: str, run: Callable[[argparse.Namespace], int], text: str, file: str) -> argparse.ArgumentParser:
+        result = commands.add_parser(name, help=text, description=text)
+        result.set_defaults(run=run)
+        result.add_argument("file", type=Path, metavar="FILE", help=file)
+        add_observation_option(result)
+        return result
+
+    explain = command("explain", _explain, "says what each leaf does and where, a rule a line", "tree file")
+    explain.add_argument("--at", metavar="A,B", help="the rule for this observation only; angles in degrees")
+    explain.add_argument("--json", action="store_true", help="print one JSON object")
+    export = command("export", _export, "writes a tree as C99, DOT, a picture of its partition, or JSON", "tree file")
+    export.add_argument("--to", choices=tuple(FORMATS), required=True, help="what to write")
+    export.add_argument("--out", type=Path, metavar="F", help="file to write (stdout)")
+    check = command("check", _check, "says whether a tree file is sound, and what it holds", "tree file")
+    check.add_argument("--json", action="store_true", help="print one JSON object")
+    imports = command(
+        "import", _import, "makes a tree file of a scikit-learn tree's arrays", "JSON file with the arrays"
+    )
+    imports.add_argument("--behavior", required=True, metavar="NAME", help="behavior that the tree is for")
+    imports.add_argument("--out", type=Path, required=True, metavar="F", help="tree file to write")
+    return parser
