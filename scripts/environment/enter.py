@@ -24,7 +24,7 @@ ENTERED = "_FBQL_ENTERED"
 def enter(name: str, *, purpose: str = "run", package: str = "launcher") -> None:
     """Run `PACKAGE.NAME.main(argv)` in the environment and exit with what it returns.
 
-    `purpose` is run or test; test adds the test tools. Does not return.
+    `purpose` is run, test (adds the test tools) or study (adds what studies need). Does not return.
     """
     if os.environ.pop(ENTERED, None) == str(os.getpid()):
         module = importlib.import_module(f"{package}.{name}")

@@ -73,7 +73,8 @@ class SetUp:
                 interpreter = find_interpreter(self.environ, with_rclpy=bool(self.target.underlay))
                 text = f"making {self.target.venv.name} with Python {interpreter.version} ({interpreter.executable})"
                 todo.append((text, lambda step: self.make_venv(interpreter, step)))
-            count = len(virtual.requirements(self.lock_file().read_text()))
+            entries = [virtual.requirements(self.target.lock_of(each).read_text()) for each in self.purposes()]
+            count = len({name for each in entries for name in each})
             todo.append((f"installing {count} packages", self.install))
         stale = self.stale_packages()
         if stale:
@@ -98,10 +99,11 @@ class SetUp:
             remove(leftover)
             remove(self.target.build / leftover.name)
 
-    def lock_file(self) -> Path:
-        """The lock to install from. Once there are test tools in an environment they are kept up to date with it."""
-        has_test_tools = "test" in virtual.stamp_of(self.target)
-        return self.target.test_lock if self.purpose == "test" or has_test_tools else self.target.run_lock
+    def purposes(self) -> list[str]:
+        """What to install for. Extras that are in an environment already are kept up to date with it."""
+        held = virtual.stamp_of(self.target)
+        wanted = [extra for extra in virtual.EXTRAS if extra == self.purpose or extra in held]
+        return [extra for extra in wanted if not virtual.is_installed(self.target, extra)] or ["run"]
 
     def fingerprints(self) -> dict[str, str]:
         """What each package of the workspace would be built from now."""
@@ -126,8 +128,13 @@ class SetUp:
 
     def install(self, step: Step) -> None:
         """Install what the lock says, with its hashes checked. uv is faster; pip knows its own configuration."""
-        lock_file, hashes = self.lock_file(), virtual.lock_hashes(self.target)
-        entries = virtual.requirements(lock_file.read_text())
+        purposes, hashes = self.purposes(), virtual.lock_hashes(self.target)
+        lock_files = [self.target.lock_of(purpose) for purpose in purposes]
+        stamp = {"path": str(self.target.venv), "run": hashes["run"]}
+        for extra in virtual.EXTRAS:
+            if extra in purposes or virtual.is_installed(self.target, extra):
+                stamp[extra] = hashes[extra]
+        entries = virtual.requirements(lock_files[0].read_text())
         first: list[Path] = []
         if SOURCE_ONLY in entries:
             build_tool = self.target.state / "build-tool.txt"
@@ -136,15 +143,12 @@ class SetUp:
         was_usable = virtual.is_usable(self.target)
         virtual.mark_unfinished(self.target)
         try:
-            for requirements in (*first, lock_file):
+            for requirements in (*first, *lock_files):
                 self.install_from(requirements, step)
         except BaseException:
             if was_usable and not self.has_changed_environment:
                 virtual.unmark_unfinished(self.target)
             raise
-        stamp = {"path": str(self.target.venv), "run": hashes["run"]}
-        if lock_file == self.target.test_lock:
-            stamp["test"] = hashes["test"]
         virtual.mark_finished(self.target, stamp)
 
     def install_from(self, requirements: Path, step: Step) -> None:

@@ -18,11 +18,16 @@ class Target:
     venv: Path
     run_lock: Path
     test_lock: Path
+    study_lock: Path
     workspace: Path
     build: Path
     install: Path
     log: Path
     underlay: tuple[Path, ...] = ()
+
+    def lock_of(self, purpose: str) -> Path:
+        """The lock file of a purpose: run, or one of the extras test and study, each a superset of run's."""
+        return {"run": self.run_lock, "test": self.test_lock, "study": self.study_lock}[purpose]
 
     @property
     def python(self) -> Path:
@@ -51,6 +56,7 @@ def target_for(root: Path, environ: Mapping[str, str]) -> Target:
             venv=root / ".venv-system",
             run_lock=root / "requirements-system.txt",
             test_lock=root / "requirements-system-test.txt",
+            study_lock=root / "requirements-system-study.txt",
             workspace=workspace,
             build=state / "build",
             install=state / "install",
@@ -62,6 +68,7 @@ def target_for(root: Path, environ: Mapping[str, str]) -> Target:
         venv=root / ".venv",
         run_lock=root / "requirements.txt",
         test_lock=root / "requirements-test.txt",
+        study_lock=root / "requirements-study.txt",
         workspace=workspace,
         build=workspace / "build",
         install=workspace / "install",

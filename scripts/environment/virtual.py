@@ -17,6 +17,8 @@ from .target import Target
 
 STAMP = "fbql-environment.json"
 UNFINISHED = "fbql-unfinished"
+EXTRAS = ("test", "study")
+"""What can be installed on top of what every command needs."""
 
 
 def stamp_of(target: Target) -> dict[str, Any]:
@@ -30,13 +32,14 @@ def stamp_of(target: Target) -> dict[str, Any]:
 
 
 def lock_hashes(target: Target) -> dict[str, str]:
-    """For both purposes, the hash of what the lock files say. The test lock is a superset of the run lock."""
+    """For each purpose, the hash of what the lock files say. The extras' locks are supersets of the run lock."""
     run = target.run_lock.read_bytes()
-    return {"run": stamps.sha256(run), "test": stamps.sha256(run + b"\0" + target.test_lock.read_bytes())}
+    extras = {purpose: stamps.sha256(run + b"\0" + target.lock_of(purpose).read_bytes()) for purpose in EXTRAS}
+    return {"run": stamps.sha256(run), **extras}
 
 
 def is_installed(target: Target, purpose: str) -> bool:
-    """Whether the environment holds what the locks of today ask for `purpose`, which is run or test."""
+    """Whether the environment holds what the locks of today ask for `purpose`, which is run or one of EXTRAS."""
     return stamp_of(target).get(purpose) == lock_hashes(target)[purpose]
 
 

@@ -36,7 +36,7 @@ def test_writing_a_stamp_replaces_it_whole_and_leaves_nothing_beside_it(tmp_path
 
 
 def test_every_lock_is_complete_hashed_and_names_no_host() -> None:
-    for name in ("requirements", "requirements-test", "requirements-system", "requirements-system-test"):
+    for name in sorted(path.stem for path in ROOT.glob("requirements*.txt")):
         text = (ROOT / f"{name}.txt").read_text()
         entries = virtual.requirements(text)
         assert entries
@@ -53,6 +53,8 @@ def test_the_locks_agree_and_each_test_lock_holds_its_run_lock() -> None:
     assert pins("requirements.txt") < pins("requirements-test.txt")
     assert pins("requirements-system.txt") < pins("requirements-system-test.txt")
     assert pins("requirements-system-test.txt") < pins("requirements-test.txt")
+    assert pins("requirements.txt") < pins("requirements-study.txt")
+    assert pins("requirements-system.txt") < pins("requirements-system-study.txt") < pins("requirements-study.txt")
 
 
 def test_an_environment_is_installed_for_what_its_stamp_says(made: Target) -> None:
@@ -72,6 +74,16 @@ def test_a_changed_run_lock_asks_for_the_test_tools_again(made: Target) -> None:
     assert virtual.is_installed(made, "test")
     made.run_lock.write_text("a==2 \\\n    --hash=sha256:22\n")
     assert not virtual.is_installed(made, "test")
+
+
+def test_the_extras_are_apart_and_each_is_asked_for_by_itself(made: Target) -> None:
+    hashes = virtual.lock_hashes(made)
+    stamps.write(made.venv / virtual.STAMP, {"path": str(made.venv), "run": hashes["run"], "study": hashes["study"]})
+    assert virtual.is_installed(made, "study")
+    assert not virtual.is_installed(made, "test")
+    made.study_lock.write_text("a==1 \\\n    --hash=sha256:00\n")
+    assert not virtual.is_installed(made, "study")
+    assert virtual.is_installed(made, "run")
 
 
 def test_a_half_made_environment_is_not_usable(made: Target) -> None:

@@ -71,6 +71,7 @@ def make_checkout(place: Path) -> Path:
     run = "".join(entry for entry in entries if KEPT_REQUIREMENTS.match(entry))
     assert run.count("==") > 20, "the lock is not what this expects"
     (place / "requirements.txt").write_text(run)
+    (place / "requirements-study.txt").write_text(run)
     (place / "requirements-test.txt").write_text(run + "".join(e for e in entries if KEPT_FOR_TESTS.match(e)))
     write_package(place / "ros2_ws" / "src" / "speaker")
     return place

@@ -22,6 +22,7 @@ def made_target(root: Path) -> Target:
     target.python.symlink_to(sys.executable)
     target.run_lock.write_text("a==1 \\\n    --hash=sha256:00\n")
     target.test_lock.write_text("a==1 \\\n    --hash=sha256:00\nb==2 \\\n    --hash=sha256:11\n")
+    target.study_lock.write_text("a==1 \\\n    --hash=sha256:00\nc==3 \\\n    --hash=sha256:22\n")
     hashes = virtual.lock_hashes(target)
     stamps.write(target.venv / virtual.STAMP, {"path": str(target.venv), "run": hashes["run"]})
     return target
