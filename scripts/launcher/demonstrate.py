@@ -1,4 +1,8 @@
-"""Records demonstrations of a behavior: its scripted instructor drives in the simulator, in one process."""
+"""Records demonstrations of a behavior, by its scripted instructor or by a person; replays and merges them.
+
+The scripted instructor drives in the simulator in one process, as fast as it goes. A person drives live on the ROS graph
+(`launcher.keyboard`). Both make the same kind of recording, from which `induce.py` makes a tree.
+"""
 
 from __future__ import annotations
 
@@ -7,28 +11,41 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 
+import numpy as np
 from fbql_behaviors.core.instructors import INSTRUCTORS, Habits
 from fbql_behaviors.core.observation import observation_of
 from fbql_behaviors.core.patterns import Demonstration, patterns_of
 from fbql_behaviors.core.recipes import recipe_of
 from fbql_common.core.errors import BadInput
 
+from launcher.demonstration_merge import merge, recordings_of
+from launcher.demonstration_origins import Origin, about_origins
 from launcher.demonstration_recording import save_demonstrations
-from launcher.instruct import instruct
+from launcher.demonstration_replay import verify
+from launcher.instruct import instruct, simulation_of, starts
+from launcher.interrupts import Interrupts
+from launcher.observations import add_observation_option, know_observations
 from launcher.options import Parser
 from launcher.places import new_path
 
 PROGRAM = "demonstrate.py"
+SCRIPTED_SEED = 1
+SLOWEST, FASTEST = 0.01, 100.0
+"""Bounds of --realtime."""
 _DONE, _FAILED, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130
 
 
 def main(argv: Sequence[str]) -> int:
     """Runs the command. Gives the exit code."""
-    arguments = _parser().parse_args(list(argv))
+    parser = _parser()
+    arguments = parser.parse_args(list(argv))
+    _check_usage(parser, arguments)
     try:
-        return _demonstrate(arguments)
+        know_observations(arguments.observation, [arguments.behavior] if arguments.behavior else [])
+        return _command_of(arguments)(arguments)
     except BadInput as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return _BAD_INPUT
@@ -37,29 +54,103 @@ def main(argv: Sequence[str]) -> int:
         return _INTERRUPTED
 
 
-def _demonstrate(arguments: argparse.Namespace) -> int:
-    behavior, seed = arguments.behavior, arguments.seed
+def _command_of(arguments: argparse.Namespace) -> Callable[[argparse.Namespace], int]:
+    if arguments.replay is not None:
+        return _replay
+    if arguments.merge is not None:
+        return _merge
+    return _by_keyboard if arguments.keyboard else _by_script
+
+
+def _by_script(arguments: argparse.Namespace) -> int:
+    behavior = arguments.behavior
+    seed = SCRIPTED_SEED if arguments.seed is None else arguments.seed
     recipe = recipe_of(behavior)
     count = recipe.demonstrations if arguments.demonstrations is None else arguments.demonstrations
     steps = recipe.steps if arguments.steps is None else arguments.steps
     out = arguments.out or new_path(f"demonstrations-{behavior}-s{seed}")
     demonstrations = instruct(behavior, seed, count, steps, _progress(count))
-    about = {"seed": seed, "instructor": "scripted", "habits": asdict(Habits())}
-    if not save_demonstrations(out, behavior, demonstrations, about):
+    seeds = {episode: start for episode, (start, _) in enumerate(islice(starts(behavior, seed), count))}
+    details = {"seed": seed, "habits": asdict(Habits())}
+    origin = Origin("scripted", simulation_of(behavior), seeds, details)
+    if not save_demonstrations(out, behavior, demonstrations, about_origins([origin])):
         return _FAILED
-    patterns = _patterns(behavior, demonstrations)
-    print(f"{len(demonstrations)} demonstrations, {patterns} patterns: {out}", file=sys.stderr)
-    if arguments.json:
-        print(json.dumps({"demonstrations": len(demonstrations), "patterns": patterns, "path": str(out)}))
-    else:
-        print(f"Next: python3 scripts/induce.py {behavior} --demos {out}", file=sys.stderr)
+    _tell(arguments, behavior, demonstrations, out)
     return _DONE
 
 
-def _patterns(behavior: str, demonstrations: Sequence[Demonstration]) -> int:
-    """Patterns that the behavior's recipe takes from the demonstrations."""
+def _by_keyboard(arguments: argparse.Namespace) -> int:
+    interrupts = Interrupts()
+    from launcher.keyboard.command import demonstrate_by_keyboard  # it brings ROS along, which the others do without
+
+    behavior = arguments.behavior
+    # Another sitting is to show other starts, so that the two are worth merging.
+    seed = int(np.random.SeedSequence().generate_state(1)[0]) if arguments.seed is None else arguments.seed
+    out = arguments.out or new_path(f"demonstrations-{behavior}-keyboard")
+    kept, well = demonstrate_by_keyboard(PROGRAM, behavior, seed, arguments.realtime, out, arguments.ascii, interrupts)
+    if not kept:
+        print(f"{PROGRAM}: nothing was demonstrated, nothing is written", file=sys.stderr)
+        return _FAILED
+    _tell(arguments, behavior, [each.demonstration for each in kept], out)
+    return _DONE if well else _FAILED
+
+
+def _merge(arguments: argparse.Namespace) -> int:
+    recordings = recordings_of(arguments.merge, arguments.behavior)
+    behavior = recordings[0].behavior
+    demonstrations, origins = merge(recordings)
+    out = arguments.out or new_path(f"demonstrations-{behavior}-merged")
+    know_observations([], [behavior])
+    if not save_demonstrations(out, behavior, demonstrations, about_origins(origins)):
+        return _FAILED
+    _tell(arguments, behavior, demonstrations, out)
+    return _DONE
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    recordings = recordings_of([arguments.replay], arguments.behavior)
+    behavior = recordings[0].behavior
+    know_observations([], [behavior])
+    verification = verify(recordings)
+    if sys.stdin.isatty():
+        from launcher.keyboard.show import show
+
+        show(recordings, arguments.realtime, arguments.ascii)
+    demonstrations = [demonstration for recording in recordings for demonstration in recording.demonstrations]
+    if verification.first_difference:
+        print(f"{PROGRAM}: {verification.first_difference}", file=sys.stderr)
+    elif verification.without_start:
+        unknown = f"{verification.without_start} of {len(demonstrations)} demonstrations do not say how they began"
+        print(f"{PROGRAM}: {unknown}: they cannot be driven again", file=sys.stderr)
+    else:
+        print(f"driven again: all {verification.steps} steps are the same, bit for bit", file=sys.stderr)
+    verified = {"identical": verification.identical, "steps": verification.steps}
+    _tell(
+        arguments,
+        behavior,
+        demonstrations,
+        arguments.replay,
+        {**verified, "first_difference": verification.first_difference},
+    )
+    return _DONE if verification.identical else _FAILED
+
+
+def _tell(
+    arguments: argparse.Namespace,
+    behavior: str,
+    demonstrations: Sequence[Demonstration],
+    path: Path,
+    more: dict[str, object] | None = None,
+) -> None:
+    """Says what there is now, and what comes next."""
     recipe = recipe_of(behavior)
-    return len(patterns_of(demonstrations, observation_of(behavior), recipe.every, recipe.patterns))
+    patterns = len(patterns_of(demonstrations, observation_of(behavior), recipe.every, recipe.patterns))
+    print(f"{len(demonstrations)} demonstrations, {patterns} patterns: {path}", file=sys.stderr)
+    if arguments.json:
+        result = {"demonstrations": len(demonstrations), "patterns": patterns, "path": str(path), **(more or {})}
+        print(json.dumps(result))
+    else:
+        print(f"Next: python3 scripts/induce.py {behavior} --demos {path}", file=sys.stderr)
 
 
 def _progress(count: int) -> Callable[[int], None]:
@@ -69,14 +160,50 @@ def _progress(count: int) -> Callable[[int], None]:
     return show if sys.stderr.isatty() else lambda _: None
 
 
+def _check_usage(parser: Parser, arguments: argparse.Namespace) -> None:
+    modes = [name for name in ("keyboard", "replay", "merge") if getattr(arguments, name)]
+    if len(modes) > 1:
+        parser.error(f"--{modes[0]} and --{modes[1]} are two things; choose one")
+    mode = modes[0] if modes else ""
+    if arguments.behavior is None and mode in ("", "keyboard"):
+        parser.error(f"name the BEHAVIOR, one of: {', '.join(INSTRUCTORS)}")
+    for name, of in (("demonstrations", ("",)), ("steps", ("",)), ("seed", ("", "keyboard"))):
+        if getattr(arguments, name) is not None and mode not in of:
+            parser.error(f"--{name} does not go with --{mode}")
+    if not SLOWEST <= arguments.realtime <= FASTEST:
+        parser.error(f"--realtime is {arguments.realtime:g}, outside of [{SLOWEST:g}, {FASTEST:g}]")
+
+
 def _parser() -> Parser:
     parser = Parser(
         prog=PROGRAM,
-        description="Records demonstrations of a behavior by its scripted instructor, as an MCAP recording.",
+        description="Records demonstrations of a behavior as an MCAP recording: by its scripted instructor, or, with "
+        "--keyboard, by a person who drives live. Replays and merges recordings.",
     )
-    parser.add_argument("behavior", metavar="BEHAVIOR", help=f"one of: {', '.join(INSTRUCTORS)}")
+    parser.add_argument("behavior", metavar="BEHAVIOR", nargs="?", help=f"such as: {', '.join(INSTRUCTORS)}")
+    modes = parser.add_argument_group("instead of the scripted instructor")
+    modes.add_argument("--keyboard", action="store_true", help="drive yourself, with the keys that the screen shows")
+    modes.add_argument(
+        "--replay", type=Path, metavar="DIR", help="show demonstrations as recorded, and drive them again to compare"
+    )
+    modes.add_argument("--merge", type=Path, nargs="+", metavar="DIR", help="make one recording of several")
+    modes.add_argument(
+        "--realtime",
+        type=float,
+        default=1.0,
+        metavar="F",
+        help="--keyboard, --replay: speed relative to real time; 0.5 is slow motion (%(default)s)",
+    )
+    modes.add_argument(
+        "--ascii",
+        action="store_true",
+        help="--keyboard, --replay: draw without braille patterns, which some fonts lack",
+    )
     parser.add_argument(
-        "--seed", type=int, default=1, metavar="S", help="seed of the starts and of the instructor's hand (%(default)s)"
+        "--seed",
+        type=int,
+        metavar="S",
+        help=f"seed of the starts and of the instructor's hand ({SCRIPTED_SEED}; --keyboard: another one each time)",
     )
     parser.add_argument("--demonstrations", type=int, metavar="N", help="how many (what the behavior's recipe says)")
     parser.add_argument("--steps", type=int, metavar="N", help="steps of each at most (what the recipe says)")
@@ -84,7 +211,8 @@ def _parser() -> Parser:
         "--out",
         type=Path,
         metavar="DIR",
-        help="directory to make; it must not exist (runs/TIME-demonstrations-BEHAVIOR-sSEED)",
+        help="directory to make; it must not exist (runs/TIME-demonstrations-BEHAVIOR-...)",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    add_observation_option(parser)
     return parser

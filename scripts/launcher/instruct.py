@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from fbql_behaviors.core.instructors import Habits, Hand, instructor_of
@@ -30,6 +31,29 @@ CLEAR_OF_BALL_M = 0.09
 HIGHEST_SEED = 2**63 - 1
 
 
+def simulation_of(behavior: str) -> SimulationParameters:
+    """The world that a behavior is demonstrated in."""
+    return STARTS.get(behavior, ANYWHERE)
+
+
+def starts(behavior: str, seed: int) -> Iterator[tuple[int, np.random.Generator]]:
+    """The starts of a behavior's demonstrations, without end: the seed of the episode, and a generator for its driver.
+
+    Raises BadInput for a seed out of range.
+    """
+    _check("seed", seed, 0)
+    return _starts(behavior, np.random.SeedSequence([seed, *behavior.encode()]))
+
+
+def _starts(behavior: str, sequence: np.random.SeedSequence) -> Iterator[tuple[int, np.random.Generator]]:
+    loop = WorldLoop(simulation_of(behavior))
+    while True:
+        rng = np.random.default_rng(sequence.spawn(1)[0])
+        episode_seed = int(rng.integers(2**63))
+        if ball_distance_and_bearing(loop.reset(0, episode_seed))[0] >= CLEAR_OF_BALL_M:
+            yield episode_seed, rng
+
+
 def instruct(
     behavior: str, seed: int, count: int, steps: int, progress: Callable[[int], None] = lambda _: None
 ) -> list[Demonstration]:
@@ -39,17 +63,12 @@ def instruct(
     Raises BadInput for a behavior without an instructor, or a number out of range.
     """
     law, sense = instructor_of(behavior), observation_of(behavior).sense
-    for name, value, low in (("seed", seed, 0), ("demonstrations", count, 1), ("steps", steps, 1)):
-        if not low <= value <= HIGHEST_SEED:
-            raise BadInput(f"{name} is {value}; it must be at least {low}")
-    loop = WorldLoop(STARTS.get(behavior, ANYWHERE))
-    sequence = np.random.SeedSequence([seed, *behavior.encode()])
+    _check("demonstrations", count, 1)
+    _check("steps", steps, 1)
+    loop = WorldLoop(simulation_of(behavior))
     made: list[Demonstration] = []
-    while len(made) < count:
-        rng = np.random.default_rng(sequence.spawn(1)[0])
-        world = loop.reset(len(made), int(rng.integers(2**63)))
-        if ball_distance_and_bearing(world)[0] < CLEAR_OF_BALL_M:
-            continue
+    for episode_seed, rng in islice(starts(behavior, seed), count):
+        world = loop.reset(len(made), episode_seed)
         hand = Hand(law, Habits(), rng)
         worlds: list[World] = []
         commands: list[WheelCommand] = []
@@ -61,3 +80,8 @@ def instruct(
         made.append(Demonstration(tuple(worlds), tuple(commands)))
         progress(len(made))
     return made
+
+
+def _check(name: str, value: int, low: int) -> None:
+    if not low <= value <= HIGHEST_SEED:
+        raise BadInput(f"{name} is {value}; it must be at least {low}")

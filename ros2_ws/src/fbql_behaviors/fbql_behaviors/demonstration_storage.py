@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from struct import error as StructError  # noqa: N812
-from typing import IO
+from typing import IO, NamedTuple
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import WheelCommand, World
@@ -33,22 +33,48 @@ STEP_BYTES = 1024
 MAX_RECORD_BYTES = 64 * 2**20
 
 
+class Recording(NamedTuple):
+    """The demonstrations of one behavior in one file."""
+
+    file: Path
+    behavior: str
+    """Name of the behavior; empty when the file does not say."""
+    demonstrations: list[Demonstration]
+    about: dict[str, str]
+    """What else the file's Metadata record `fbql` says, such as who demonstrated."""
+
+
 def load_demonstrations(path: Path, behavior: str) -> list[Demonstration]:
     """The demonstrations of a behavior in a recording, or in all recordings below a directory, in the order of names.
 
     Raises BadInput, naming the file: none there, of another behavior, damaged, truncated, too many.
     """
+    found: list[Demonstration] = []
+    for recording in load_recordings(path):
+        if recording.behavior != behavior:
+            held = recording.behavior or "no behavior"
+            raise BadInput(f"{recording.file}: holds demonstrations of '{held}', not of '{behavior}'")
+        found += recording.demonstrations
+    if not found:
+        raise BadInput(f"{path}: the recordings hold no demonstration: no world state with its command")
+    return found
+
+
+def load_recordings(path: Path) -> Iterator[Recording]:
+    """A recording, or all recordings below a directory in the order of names, one after the other.
+
+    Raises BadInput, naming the file: none there, damaged, truncated, too many.
+    """
     files = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
     if not files:
-        raise BadInput(f"{path}: no demonstrations there (no .mcap file); record some with demonstrate.py {behavior}")
-    found: list[Demonstration] = []
+        raise BadInput(f"{path}: no demonstrations there (no .mcap file); record some with demonstrate.py")
     steps = 0
     for file in files:
         try:
             with file.open("rb") as stream:
                 if not stream.peek(1):
                     raise BadInput("the file is empty")
-                read = _read(stream, behavior, MAX_STEPS - steps)
+                demonstrations, about = _read(stream, MAX_STEPS - steps)
         except OSError as error:
             raise BadInput(f"{file}: cannot be read ({error.strerror})") from None
         except (BadInput, Rejected) as error:
@@ -59,17 +85,14 @@ def load_demonstrations(path: Path, behavior: str) -> list[Demonstration]:
             raise BadInput(f"{file}: truncated; repair it with recover.py, or record again") from None
         except (McapError, CRCValidationError, ZstdError, StructError, UnicodeDecodeError) as error:
             raise BadInput(f"{file}: damaged ({error}); repair it with recover.py, or record again") from None
-        steps += sum(len(demonstration.worlds) for demonstration in read)
-        found += read
-    if not found:
-        raise BadInput(f"{path}: the recordings hold no demonstration: no world state with its command")
-    return found
+        steps += sum(len(demonstration.worlds) for demonstration in demonstrations)
+        yield Recording(file, about.pop(BEHAVIOR_KEY, ""), demonstrations, about)
 
 
-def _read(stream: IO[bytes], behavior: str, allowed: int) -> list[Demonstration]:
+def _read(stream: IO[bytes], allowed: int) -> tuple[list[Demonstration], dict[str, str]]:
     schemas: dict[int, str] = {}
     types: dict[int, str] = {}
-    recorded_for: str | None = None
+    about: dict[str, str] = {}
     worlds: dict[tuple[int, int], World] = {}
     commands: dict[tuple[int, int], WheelCommand] = {}
     world_type, command_type = type_name(World), type_name(WheelCommand)
@@ -79,7 +102,7 @@ def _read(stream: IO[bytes], behavior: str, allowed: int) -> list[Demonstration]
         elif isinstance(record, Channel):
             types[record.id] = schemas.get(record.schema_id, "")
         elif isinstance(record, Metadata) and record.name == METADATA_NAME:
-            recorded_for = record.metadata.get(BEHAVIOR_KEY)
+            about = dict(record.metadata)
         elif isinstance(record, Message):
             kind = types.get(record.channel_id)
             if kind == world_type:
@@ -93,12 +116,10 @@ def _read(stream: IO[bytes], behavior: str, allowed: int) -> list[Demonstration]
                     f"more than {MAX_STEPS} steps, which would take over {MAX_STEPS * STEP_BYTES / 2**30:.1f} GiB of memory; "
                     "give fewer recordings"
                 )
-    if recorded_for != behavior:
-        raise BadInput(f"holds demonstrations of '{recorded_for or 'no behavior'}', not of '{behavior}'")
     episodes: dict[int, list[tuple[World, WheelCommand]]] = {}
     for key in sorted(worlds.keys() & commands.keys()):
         episodes.setdefault(key[0], []).append((worlds[key], commands[key]))
-    return [Demonstration(tuple(w for w, _ in steps), tuple(c for _, c in steps)) for steps in episodes.values()]
+    return [Demonstration(tuple(w for w, _ in steps), tuple(c for _, c in steps)) for steps in episodes.values()], about
 
 
 def _records(stream: IO[bytes]) -> Iterator[McapRecord]:

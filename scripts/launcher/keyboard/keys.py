@@ -1,0 +1,82 @@
+"""What a terminal sends when a key is pressed, and what the key means here."""
+
+from __future__ import annotations
+
+import re
+from enum import Enum, auto
+
+
+class Key(Enum):
+    """What a person asks for."""
+
+    FASTER = auto()
+    SLOWER = auto()
+    LEFT = auto()
+    RIGHT = auto()
+    STOP = auto()
+    NEXT = auto()
+    UNDO = auto()
+    FINISH = auto()
+
+
+DRIVING = frozenset({Key.FASTER, Key.SLOWER, Key.LEFT, Key.RIGHT, Key.STOP})
+"""The keys that drive."""
+_CHARACTERS = {
+    b"w": Key.FASTER,
+    b"s": Key.SLOWER,
+    b"a": Key.LEFT,
+    b"d": Key.RIGHT,
+    b" ": Key.STOP,
+    b"n": Key.NEXT,
+    b"\r": Key.NEXT,
+    b"\n": Key.NEXT,
+    b"u": Key.UNDO,
+    b"q": Key.FINISH,
+}
+_ARROWS = {b"A": Key.FASTER, b"B": Key.SLOWER, b"C": Key.RIGHT, b"D": Key.LEFT}
+"""Last byte of an arrow key's sequence (ECMA-48, as every terminal of today sends it)."""
+_SEQUENCE = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]|O.|[^\[O\x1b])", re.DOTALL)
+"""A whole escape sequence: CSI with parameters, SS3 and one byte, or Alt and one byte."""
+_BEGUN = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*|O)?\Z")
+"""One whose rest has not come yet."""
+_LONGEST = 64
+
+
+class KeyDecoder:
+    """Turns the bytes of a terminal into keys, whatever pieces they come in; what means nothing here is skipped."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[Key]:
+        """The keys in what has come since the last call; call it with nothing, too: then the Escape key is over.
+
+        A sequence comes in one piece or hard on the heels of its beginning; an escape character that is alone for a
+        whole call was the Escape key.
+        """
+        if not data:
+            self._rest = b""
+            return []
+        data = self._rest + data
+        self._rest = b""
+        keys: list[Key] = []
+        at = 0
+        while at < len(data):
+            if data[at : at + 1] != b"\x1b":
+                self._take(_CHARACTERS.get(data[at : at + 1].lower()), keys)
+                at += 1
+            elif sequence := _SEQUENCE.match(data, at):
+                arrow = sequence[0][1:2] in (b"[", b"O") and len(sequence[0]) > 2
+                self._take(_ARROWS.get(sequence[0][-1:]) if arrow else None, keys)
+                at = sequence.end()
+            elif _BEGUN.match(data, at) and len(data) - at <= _LONGEST:
+                self._rest = data[at:]
+                break
+            else:
+                at += 1
+        return keys
+
+    @staticmethod
+    def _take(key: Key | None, keys: list[Key]) -> None:
+        if key is not None:
+            keys.append(key)
