@@ -63,11 +63,19 @@ class Option(NamedTuple):
 
 
 class Values(NamedTuple):
-    """What a method found out: the best splits, as the feature per box (NO_SPLIT: a leaf), and the root's value."""
+    """What a method found out."""
 
     split: list[int]
-    value: float
+    """The best split of each box, as the feature; NO_SPLIT: a leaf."""
+    values: list[float]
+    """The value of each box, max Q; the root's is the first. With dp exact, with rl as learned so far."""
     curve: list[float]
+    """The root's value after each trial; empty for dp."""
+
+    @property
+    def value(self) -> float:
+        """The root's value."""
+        return self.values[0]
 
 
 class Induced(NamedTuple):
@@ -109,7 +117,7 @@ def plan(boxes: Boxes, parameters: InductionParameters) -> Values:
         highest = target[np.arange(end - begin), feature]
         best[begin:end] = np.where(highest > 0.0, feature, NO_SPLIT)
         value[begin:end] = np.maximum(highest, 0.0)
-    return Values(best.tolist(), float(value[0]), [])
+    return Values(best.tolist(), value.tolist(), [])
 
 
 def learn(boxes: Boxes, parameters: InductionParameters, rng: np.random.Generator) -> Values:
@@ -154,7 +162,7 @@ def learn(boxes: Boxes, parameters: InductionParameters, rng: np.random.Generato
         curve.append(best[0])
     greedy = [_greedy(values) for values in q]
     split = [options[box][action].feature if action != NO_SPLIT else NO_SPLIT for box, action in enumerate(greedy)]
-    return Values(split, best[0], curve)
+    return Values(split, best, curve)
 
 
 def split_rewards(
