@@ -27,6 +27,8 @@ from launcher.demonstration_recording import save_demonstrations
 from launcher.demonstration_replay import verify
 from launcher.instruct import instruct, simulation_of, starts
 from launcher.interrupts import Interrupts
+from launcher.keyboard.show import show
+from launcher.keyboard.terminal import trouble_with_terminal
 from launcher.observations import add_observation_option, know_observations
 from launcher.options import Parser
 from launcher.places import new_path
@@ -112,9 +114,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     behavior = recordings[0].behavior
     know_observations([], [behavior])
     verification = verify(recordings)
-    if sys.stdin.isatty():
-        from launcher.keyboard.show import show
-
+    if not trouble_with_terminal():
         show(recordings, arguments.realtime, arguments.ascii)
     demonstrations = [demonstration for recording in recordings for demonstration in recording.demonstrations]
     if verification.first_difference:
@@ -145,7 +145,8 @@ def _tell(
     """Says what there is now, and what comes next."""
     recipe = recipe_of(behavior)
     patterns = len(patterns_of(demonstrations, observation_of(behavior), recipe.every, recipe.patterns))
-    print(f"{len(demonstrations)} demonstrations, {patterns} patterns: {path}", file=sys.stderr)
+    several = "s" if len(demonstrations) > 1 else ""
+    print(f"{len(demonstrations)} demonstration{several}, {patterns} patterns: {path}", file=sys.stderr)
     if arguments.json:
         result = {"demonstrations": len(demonstrations), "patterns": patterns, "path": str(path), **(more or {})}
         print(json.dumps(result))

@@ -43,7 +43,7 @@ def demonstrate_by_keyboard(
     """
     observation, recipe, simulation = observation_of(behavior), recipe_of(behavior), simulation_of(behavior)
     refuse_security()
-    given_domain = domain_from(program)
+    given_domain = domain_from("--keyboard")
     terminal = Terminal(ascii_only)
     sitting = Sitting((start for start, _ in starts(behavior, seed)), recipe.every, recipe.patterns)
     safekeeping = Safekeeping(out, behavior, simulation, {"seed": seed, "realtime": realtime})

@@ -11,7 +11,7 @@ from launcher.interrupts import Interrupts
 from launcher.keyboard.driving import Driving
 from launcher.keyboard.keys import DRIVING, Key
 from launcher.keyboard.live import LiveSimulator
-from launcher.keyboard.page import driving_side, page
+from launcher.keyboard.page import PICTURE_S, driving_side, page
 from launcher.keyboard.safekeeping import Safekeeping
 from launcher.keyboard.sitting import Sitting
 from launcher.keyboard.terminal import Terminal
@@ -19,8 +19,6 @@ from launcher.keyboard.terminal import Terminal
 LOOK_S = 1 / 60
 """Keys are taken in at least so often [s]."""
 _SHORTEST_LOOK_S = 0.0005
-PICTURE_S = 1 / 20
-"""A picture is drawn so often [s]."""
 
 
 class Drive:

@@ -8,6 +8,7 @@ would use whatever command came last, which nobody could tell afterwards.
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -127,7 +128,8 @@ class LiveSimulator:
         """Why it does not go on; None while all is well."""
         code = self._process.exit_code
         if code is not None:
-            return f"the simulator ended with exit code {code}; its output:\n{self._process.tail()}"
+            how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+            return f"the simulator {how}; its output:\n{self._process.tail()}"
         if self._refusal is not None:
             return f"the simulator did not begin an episode: {self._refusal}"
         if not self.ready and monotonic() - self._started_s > PATIENCE_S:

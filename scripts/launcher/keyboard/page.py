@@ -14,6 +14,8 @@ from launcher.keyboard.driving import FASTEST_LEVEL, Driving
 from launcher.keyboard.picture import Line, field_picture
 from launcher.keyboard.sitting import Sitting
 
+PICTURE_S = 1 / 20
+"""A page is shown so often [s]."""
 SIDE_COLUMNS = 32
 LEAST_COLUMNS, LEAST_ROWS = 66, 23
 """Smaller than this there is no room for the picture beside the text."""
@@ -67,7 +69,9 @@ def driving_side(
 ) -> list[Line]:
     """What stands beside the field while a person drives."""
     number = len(sitting.kept) + 1
-    if world is not None and world.ended:
+    if world is None:
+        state = "..."
+    elif world.ended:
         state = (
             "goal: n goes on" if world.goal else "own goal: n goes on" if world.own_goal else "time is up: n goes on"
         )

@@ -34,7 +34,10 @@ NOSE_M = 0.15
 
 
 def field_picture(world: World, columns: int, rows: int, ascii_only: bool = False) -> list[Line]:
-    """A picture of at most `columns` x `rows` characters, as large as fits, x to the right and y upwards."""
+    """A picture of at most `columns` x `rows` characters, as large as fits, x to the right and y upwards.
+
+    At least 8 x 4 characters.
+    """
     canvas = _Canvas(columns, rows, ascii_only)
     for (x0, y0), (x1, y1) in SEGMENTS:
         canvas.line(x0, y0, x1, y1, _WALL)

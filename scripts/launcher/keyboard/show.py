@@ -11,9 +11,8 @@ from fbql_behaviors.demonstration_storage import Recording
 from fbql_common.wire import NS
 
 from launcher.interrupts import Interrupts
-from launcher.keyboard.drive import PICTURE_S
 from launcher.keyboard.keys import Key
-from launcher.keyboard.page import page, replay_side
+from launcher.keyboard.page import PICTURE_S, page, replay_side
 from launcher.keyboard.terminal import Terminal
 
 

@@ -34,6 +34,14 @@ _LAST_WORDS_S = 0.5
 """How long giving back waits for a terminal that is slow [s]."""
 
 
+def trouble_with_terminal() -> str | None:
+    """Why nothing can be drawn on standard input's terminal; None when it can."""
+    if not os.isatty(0):
+        return "standard input is none; start it in a terminal"
+    name = os.environ.get("TERM", "")
+    return f"TERM is '{name}'; start it in another" if name in ("", "dumb", "unknown") else None
+
+
 class Terminal:
     """The terminal that is standard input, between `with` and its end.
 
@@ -41,19 +49,13 @@ class Terminal:
     """
 
     def __init__(self, ascii_only: bool = False) -> None:
-        name = os.environ.get("TERM", "")
-        if not os.isatty(0):
-            raise BadInput("--keyboard needs a terminal, and standard input is none; start it in a terminal")
-        if name in ("", "dumb", "unknown"):
-            raise BadInput(
-                f"--keyboard needs a terminal that can be drawn on, and TERM is '{name}'; start it in another"
-            )
+        if trouble := trouble_with_terminal():
+            raise BadInput(f"a terminal is needed that can be drawn on: {trouble}")
         try:
             self._fd = os.open(os.ttyname(0), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError as error:
-            raise BadInput(
-                f"--keyboard: the terminal cannot be opened ({error.strerror}); start it in another"
-            ) from None
+            raise BadInput(f"the terminal cannot be opened ({error.strerror}); start it in another") from None
+        name = os.environ["TERM"]
         unicode = codecs.lookup(locale.nl_langinfo(locale.CODESET) or "ascii").name == "utf-8"
         self.ascii_only = ascii_only or not unicode or name.startswith(_WITHOUT_BRAILLE)
         """Whether nothing but ASCII is to be drawn."""
