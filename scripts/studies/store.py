@@ -1,0 +1,106 @@
+"""A study's directory: its options, one file a finished task, and a lock that keeps a second run out.
+
+config.json         the study and its options
+tasks/KEY.json      the result of a task that is done
+tasks/KEY.failed    why a task failed; gone once it is done
+lock                held while a run uses the directory
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from fbql_common.core.errors import BadInput
+from fbql_fusion.atomic_file import write_atomically
+
+from studies.study import Result
+
+
+class Store:
+    """Keeps a study's results. A task's file is there whole or not at all, so that a run can go on after any stop.
+
+    Args:
+        directory: made if it is not there.
+        config: what the tasks depend on (study and options), as JSON values.
+
+    Raises:
+        BadInput: the directory can't be used, belongs to another study or other options, or a run is using it now.
+    """
+
+    def __init__(self, directory: Path, config: dict[str, Any]) -> None:
+        self.directory = directory
+        try:
+            (directory / "tasks").mkdir(parents=True, exist_ok=True)
+            self._lock = os.open(directory / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise BadInput(f"{directory}: can't be used for a study ({error.strerror}); choose another place") from None
+        try:
+            self._take(config)
+        except BaseException:
+            os.close(self._lock)
+            raise
+
+    def _take(self, config: dict[str, Any]) -> None:
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise BadInput(
+                f"{self.directory}: a study is running there now; wait for it or choose another directory"
+            ) from None
+        text = json.dumps(config, indent=2, sort_keys=True) + "\n"
+        path = self.directory / "config.json"
+        try:
+            if not path.exists():
+                write_atomically(path, text.encode())
+            found = path.read_text()
+        except (OSError, ValueError) as error:
+            raise BadInput(f"{path}: can't be used ({error}); choose another directory") from None
+        if found != text:
+            raise BadInput(f"{path}: the directory holds a study with other options; choose another directory")
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._lock)
+
+    def result_of(self, key: str) -> Result | None:
+        """A task's result; None when it is not done. A file that can't be read counts as not done."""
+        try:
+            return json.loads(_result_path(self.directory, key).read_bytes())
+        except (OSError, ValueError):
+            return None
+
+    def failure_of(self, key: str) -> str:
+        """Why a task failed; empty when it did not."""
+        try:
+            return _failure_path(self.directory, key).read_text().strip()
+        except (OSError, ValueError):
+            return ""
+
+
+def write_result(directory: Path | str, key: str, result: Result) -> None:
+    """Writes a task's result, whole or not at all. Raises ValueError for a number that is not finite."""
+    text = json.dumps(result, sort_keys=True, allow_nan=False) + "\n"
+    write_atomically(_result_path(directory, key), text.encode())
+    _failure_path(directory, key).unlink(missing_ok=True)
+
+
+def write_failure(directory: Path | str, key: str, reason: str) -> None:
+    """Writes down why a task failed."""
+    write_atomically(_failure_path(directory, key), f"{reason}\n".encode())
+
+
+def _result_path(directory: Path | str, key: str) -> Path:
+    return Path(directory) / "tasks" / f"{key}.json"
+
+
+def _failure_path(directory: Path | str, key: str) -> Path:
+    return Path(directory) / "tasks" / f"{key}.failed"

@@ -1,0 +1,64 @@
+"""What a study is: independent tasks, each a deterministic function of plain values, and a table of their results."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+Parameters = dict[str, Any]
+"""Plain JSON values: all that a task depends on."""
+Result = dict[str, Any]
+"""Plain JSON values."""
+Row = dict[str, Any]
+
+MEASURED = "measured"
+"""The one key of a result that may differ from run to run: what was measured with a clock."""
+
+
+class Task(NamedTuple):
+    """One piece of a study, done by one worker."""
+
+    key: str
+    """Its name within the study, fit for a file name."""
+    parameters: Parameters
+
+
+class Study(Protocol):
+    """A module that is a study."""
+
+    DESCRIPTION: str
+
+    def add_options(self, parser: argparse.ArgumentParser) -> None:
+        """Adds the study's own options."""
+        ...
+
+    def tasks(self, options: argparse.Namespace) -> list[Task]:
+        """The tasks, in order. They depend on the options alone. Raises BadInput for options that can't be used."""
+        ...
+
+    def run(self, parameters: Parameters) -> Result:
+        """Does one task.
+
+        The same parameters give the same result, bit for bit, in whichever process; all but what stands under MEASURED.
+        """
+        ...
+
+    def table(self, results: Mapping[str, Result]) -> list[Row]:
+        """The study's table from the results of its tasks by key; tasks that failed are missing, so rows show their n."""
+        ...
+
+    def figures(self, results: Mapping[str, Result], directory: Path) -> list[Path]:
+        """Draws the study's figures; gives the files. A study without figures gives none."""
+        ...
+
+
+STUDIES: dict[str, str] = {"trees": "studies.trees"}
+"""Name of a study -> the module that is it."""
+
+
+def study_of(name: str) -> Study:
+    """The study of a name in STUDIES."""
+    return import_module(STUDIES[name])  # type: ignore[return-value]  # a module is its study

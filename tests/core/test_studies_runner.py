@@ -1,0 +1,262 @@
+"""The runner of studies: the same results whatever the number of workers, and nothing lost when something dies."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import probe_study
+import pytest
+from launcher import experiment
+from launcher.experiment import as_text, main
+from studies.store import Store, write_failure, write_result
+from studies.study import MEASURED, STUDIES, study_of
+
+ROOT = Path(__file__).resolve().parents[2]
+PROBE = ("probe", "probe_study")
+LAUNCH = (
+    f"import sys; from studies.study import STUDIES; STUDIES.update([{PROBE!r}]); "
+    "from launcher.experiment import main; sys.exit(main(sys.argv[1:]))"
+)
+
+
+@pytest.fixture(autouse=True)
+def the_probe_is_a_study(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Makes the probe known, and puts back the handlers of the signals that the command takes."""
+    monkeypatch.setitem(STUDIES, *PROBE)
+    monkeypatch.setattr(experiment, "STUDIES", {PROBE[0]: PROBE[1]})
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    yield
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+def arguments(place: Path, *more: str, out: str = "out", jobs: int = 2) -> list[str]:
+    return ["probe", "--place", str(place), "--out", str(place / out), "--jobs", str(jobs), "--json", *more]
+
+
+def results_in(directory: Path) -> dict[str, Any]:
+    """The results by task, but for what was measured."""
+    found = {path.name: json.loads(path.read_text()) for path in (directory / "tasks").glob("*.json")}
+    for result in found.values():
+        del result[MEASURED]
+    return found
+
+
+def launched(place: Path, *more: str) -> subprocess.Popen[str]:
+    """The command in a process of its own."""
+    path = os.pathsep.join(entry for entry in sys.path if entry)
+    return subprocess.Popen(
+        [sys.executable, "-c", LAUNCH, *arguments(place, *more)],
+        env={**os.environ, "PYTHONPATH": path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def is_running(process_id: int) -> bool:
+    """Whether a process is there and no zombie."""
+    try:
+        return Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_one_worker_and_two_give_the_same_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments(tmp_path, out="one", jobs=1)) == 0
+    one = json.loads(capsys.readouterr().out)
+    assert main(arguments(tmp_path, out="two", jobs=2)) == 0
+    two = json.loads(capsys.readouterr().out)
+    assert len(results_in(tmp_path / "one")) == 4
+    assert results_in(tmp_path / "one") == results_in(tmp_path / "two")
+    assert one["table"] == two["table"]
+
+
+def test_json_is_one_object_with_the_table_and_the_same_as_in_the_directory(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments(tmp_path, "--seeds", "2")) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("\n") == 1
+    summary = json.loads(printed)
+    assert summary["table"][0]["n"] == summary["tasks"] == summary["done"] == 2
+    assert summary["out"] == str(tmp_path / "out")
+    assert json.loads((tmp_path / "out" / "table.json").read_text()) == summary
+    assert (tmp_path / "out" / "figure.svg").exists()
+
+
+def test_a_killed_worker_costs_its_task_one_retry(tmp_path: Path) -> None:
+    assert main(arguments(tmp_path, "--seeds", "1", "--others", "kill_once")) == 0
+    assert sorted(probe_study.attempts(tmp_path)) == ["draw0", "kill_once", "kill_once"]
+    assert set(results_in(tmp_path / "out")) == {"draw0.json", "kill_once.json"}
+
+
+@pytest.mark.parametrize(
+    ("task", "reason"),
+    [
+        ("kill", "the worker was ended by SIGKILL"),
+        ("raise", "ValueError: this task always fails"),
+        ("infinite", "ValueError: Out of range float values are not JSON compliant: inf"),
+    ],
+)
+def test_a_task_that_always_fails_is_recorded_and_the_table_tells_n(
+    task: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments(tmp_path, "--seeds", "1", "--others", task)) == 1
+    captured = capsys.readouterr()
+    summary = json.loads(captured.out)
+    assert probe_study.attempts(tmp_path).count(task) == 2
+    assert summary["failed"] == {task: reason}
+    assert summary["table"][0]["n"] == summary["done"] == 1
+    assert f"{task} FAILED: {reason}" in captured.err
+
+
+def test_a_task_that_failed_is_tried_again_by_the_next_run(tmp_path: Path) -> None:
+    assert main(arguments(tmp_path, "--seeds", "1", "--others", "raise")) == 1
+    with Store(tmp_path / "out", json.loads((tmp_path / "out" / "config.json").read_text())) as store:
+        assert store.failure_of("raise")
+        write_result(store.directory, "raise", {"value": 1.0, MEASURED: {}})
+        assert store.failure_of("raise") == ""
+    assert main(arguments(tmp_path, "--seeds", "1", "--others", "raise")) == 0
+    assert probe_study.attempts(tmp_path).count("draw0") == 1
+
+
+def test_a_run_goes_on_where_a_killed_one_was(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    process = launched(tmp_path, "--seeds", "2", "--others", "wait")
+    for path in ("waits", "out/tasks/draw0.json", "out/tasks/draw1.json"):
+        probe_study.wait_for(tmp_path / path)
+    process.kill()
+    process.communicate()
+    worker = int((tmp_path / "waits").read_text())
+    (tmp_path / "gate").touch()
+    assert main(arguments(tmp_path, "--seeds", "2", "--others", "wait")) == 0
+    assert not is_running(worker)
+    assert sorted(probe_study.attempts(tmp_path)) == ["draw0", "draw1", "wait", "wait"]
+    assert "2 of 3 tasks are done already" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(tmp_path: Path) -> None:
+    process = launched(tmp_path, "--seeds", "0", "--others", "wait")
+    probe_study.wait_for(tmp_path / "waits")
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert errors.splitlines()[-1] == "experiment.py: stopped; the same command goes on from here"
+    assert not is_running(int((tmp_path / "waits").read_text()))
+
+
+def test_a_second_run_into_a_directory_is_refused_while_the_first_goes_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    process = launched(tmp_path, "--seeds", "0", "--others", "wait")
+    try:
+        probe_study.wait_for(tmp_path / "waits")
+        assert main(arguments(tmp_path, "--seeds", "0", "--others", "wait")) == 2
+        assert "a study is running there now" in capsys.readouterr().err
+    finally:
+        (tmp_path / "gate").touch()
+        out, _ = process.communicate(timeout=60)
+    assert process.returncode == 0
+    assert json.loads(out)["done"] == 1
+
+
+def test_a_directory_of_other_options_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments(tmp_path, "--seeds", "1")) == 0
+    capsys.readouterr()
+    assert main(arguments(tmp_path, "--seeds", "2")) == 2
+    captured = capsys.readouterr()
+    assert "other options" in captured.err
+    assert captured.err.count("\n") == 1
+    assert captured.out == ""
+
+
+@pytest.mark.parametrize("more", [("--seeds", "-1"), ("--jobs", "0"), ("--scheduler", "nonsense://x")])
+def test_options_that_cannot_be_used_are_refused_in_one_line(
+    more: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments(tmp_path, *more)) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"experiment.py: {more[0]}")
+    assert error.count("\n") == 1
+
+
+def test_a_place_that_cannot_be_used_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").touch()
+    assert main(arguments(tmp_path, out="file")) == 2
+    assert "choose another place" in capsys.readouterr().err
+
+
+def test_a_torn_result_counts_as_not_done(tmp_path: Path) -> None:
+    with Store(tmp_path, {}) as store:
+        write_result(tmp_path, "a", {"value": 1})
+        assert store.result_of("a") == {"value": 1}
+        (tmp_path / "tasks" / "a.json").write_text('{"val')
+        assert store.result_of("a") is None
+        write_failure(tmp_path, "a", "reason")
+        assert store.failure_of("a") == "reason"
+    Store(tmp_path, {}).__exit__(None, None, None)
+
+
+@pytest.mark.parametrize("name", sorted(STUDIES))
+def test_every_study_has_what_a_study_needs(name: str) -> None:
+    study = study_of(name)
+    assert study.DESCRIPTION
+    assert all(callable(getattr(study, part)) for part in ("add_options", "tasks", "run", "table", "figures"))
+
+
+def test_a_table_in_words_has_aligned_columns_and_says_where_a_number_is_missing() -> None:
+    rows = [{"name": "a", "value": 1.23456}, {"name": "bcd", "value": None}]
+    assert as_text(rows).splitlines() == ["name  value", "   a  1.235", " bcd    n/a"]
+    assert as_text([*rows, {"n": 3}]).splitlines()[3:] == ["", "n", "3"]
+    assert as_text([]) == "no results"
+
+
+@pytest.mark.long
+def test_a_cluster_gives_the_results_of_the_local_workers_and_a_killed_worker_costs_one_retry(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("distributed", reason="Dask is in requirements-study.txt")
+    path = os.pathsep.join(entry for entry in sys.path if entry)
+    dask = [sys.executable, "-m", "distributed.cli.dask_"]
+    file = str(tmp_path / "scheduler.json")
+    commands = [
+        ["scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", file],
+        *[["worker", "--scheduler-file", file, "--nthreads", "1", "--no-dashboard", "--no-nanny"]] * 2,
+    ]
+    processes: list[subprocess.Popen[bytes]] = []
+    try:
+        for number, (program, *options) in enumerate(commands):
+            with (tmp_path / f"log{number}").open("wb") as log:
+                processes.append(
+                    subprocess.Popen(
+                        [*dask[:-1], f"{dask[-1]}{program}", *options],
+                        env={**os.environ, "PYTHONPATH": path},
+                        cwd=tmp_path,
+                        stdout=log,
+                        stderr=subprocess.STDOUT,
+                    )
+                )
+            probe_study.wait_for(Path(file))
+        address = json.loads(Path(file).read_text())["address"]
+        assert main(arguments(tmp_path, "--others", "raise", "kill_once", "--scheduler", address, out="cluster")) == 1
+        summary = json.loads(capsys.readouterr().out)
+    finally:
+        for process in reversed(processes):
+            process.terminate()
+        for process in processes:
+            process.wait(timeout=30)
+    assert probe_study.attempts(tmp_path).count("kill_once") == 2
+    assert main(arguments(tmp_path, "--others", "raise", "kill_once", out="local")) == 1
+    assert results_in(tmp_path / "cluster") == results_in(tmp_path / "local")
+    assert summary["failed"] == {"raise": "ValueError: this task always fails"}
+    workers = {
+        json.loads(found.read_text())[MEASURED]["process"] for found in (tmp_path / "cluster" / "tasks").glob("*.json")
+    }
+    assert workers <= {process.pid for process in processes[1:]}
