@@ -8,4 +8,5 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, 
 from environment import enter
 
 if __name__ == "__main__":
-    enter("induce")
+    cart = {"cart", "--method=cart"}.intersection(sys.argv[1:])  # scikit-learn does it
+    enter("induce", purpose="study" if cart else "run")

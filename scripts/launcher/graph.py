@@ -11,6 +11,7 @@ import yaml
 from ament_index_python.packages import get_package_prefix
 from fbql_common.core.errors import BadInput
 
+from launcher.in_process import own_observation
 from launcher.options import Match
 
 LOCKSTEP_TIMEOUT_S = 10.0
@@ -55,7 +56,7 @@ def write_parameters(match: Match, mode: Mode) -> Path:
         },
     }
     for name, tree_file in match.behaviors.items():
-        nodes[name] = {"tree_file": str(tree_file)}
+        nodes[name] = {"tree_file": str(tree_file), **own_observation(match, name)}
     document = {f"/{name}": {"ros__parameters": parameters} for name, parameters in nodes.items()}
     try:
         path.write_text(yaml.safe_dump(document, sort_keys=False))

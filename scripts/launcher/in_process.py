@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.observation import OBSERVATIONS
+from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
@@ -39,9 +40,19 @@ def parts_of(match: Match) -> Parts:
         tree = load_tree(path)
         if name in OBSERVATIONS and tree.behavior != name:
             raise BadInput(f"{path}: a tree of behavior '{tree.behavior}', not of '{name}'; use the right file")
-        behaviors.append(Behavior(name, tree))
+        try:
+            observation = find_observation(tree.behavior, match.observations.get(tree.behavior, ""))
+            behaviors.append(Behavior(name, tree, observation))
+        except BadInput as error:
+            raise BadInput(f"{path}: {error}") from None
     session = Session(match.fusion, None if match.policy is None else load_policy(match.policy))
     return Parts(session, WorldLoop(match.simulation), behaviors)
+
+
+def own_observation(match: Match, name: str) -> dict[str, str]:
+    """The parameter of a behavior's node that says what it senses, where the user said it."""
+    source = match.observations.get(load_tree(match.behaviors[name]).behavior) if match.observations else None
+    return {"observation": source} if source else {}
 
 
 def rehearse(match: Match) -> None:

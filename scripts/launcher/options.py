@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NoReturn
@@ -13,6 +13,8 @@ from fbql_common.core.parameters import from_mapping, limits_of, types_of
 from fbql_fusion.core.parameters import CONTROLLERS, PRESETS, FusionParameters, check_fusion
 from fbql_fusion.run_directory import create_run_directory
 from fbql_sim.core.parameters import SimulationParameters
+
+from launcher.observations import add_observation_option, know_observations
 
 ROOT = Path(__file__).resolve().parents[2]
 RUNS = ROOT / "runs"
@@ -31,6 +33,8 @@ class Match:
     policy: Path | None
     out: Path
     json: bool
+    observations: dict[str, str] = field(default_factory=dict[str, str])
+    """FILE.py:NAME of what a behavior of the user's own senses, by the behavior that its tree file names."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -67,6 +71,7 @@ def match_parser(program: str, description: str) -> Parser:
     play.add_argument(
         "--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior (the trees that ship)"
     )
+    add_observation_option(play)
     play.add_argument(
         "--set",
         action="append",
@@ -118,6 +123,7 @@ def match_from(arguments: argparse.Namespace, program: str) -> Match:
         policy=_existing(arguments.policy, program),
         out=_out(arguments.out, fusion),
         json=arguments.json,
+        observations=know_observations(arguments.observation),
     )
 
 

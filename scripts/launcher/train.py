@@ -13,7 +13,7 @@ from fbql_common.core.types import Phase
 from fbql_fusion.core.session import Session
 from fbql_fusion.run_directory import RunDirectory, git_revision, software_versions
 
-from launcher.in_process import parts_of, play, rehearse
+from launcher.in_process import own_observation, parts_of, play, rehearse
 from launcher.interrupts import Interrupts
 from launcher.options import ROOT, Match, make_run_directory, match_from, match_parser
 from launcher.panel import Panel
@@ -66,7 +66,9 @@ def _config(match: Match) -> dict[str, object]:
         "parameters": {
             "simulator": asdict(match.simulation),
             "fusion": {**asdict(match.fusion), "policy": str(match.policy or "")},
-            **{name: {"tree_file": str(path)} for name, path in match.behaviors.items()},
+            **{
+                name: {"tree_file": str(path), **own_observation(match, name)} for name, path in match.behaviors.items()
+            },
         },
     }
 

@@ -82,7 +82,15 @@ def test_behaviors_are_found_by_name_in_any_order_and_number():
     assert driver_of(layers_of(fused), FREE, ALL) == 2
 
 
-def test_a_behavior_without_a_trigger_of_its_own_always_wants_to_drive():
+def test_a_behavior_without_a_threshold_wants_to_drive_inside_of_its_trees_root_region():
     fused = FusionParameters(behaviors=["dribbling", "ball_seeking"], layers=["dribbling", "ball_seeking"])
+    outside = ANSWER._replace(clamped=True)
     assert driver_of(layers_of(fused), FREE, [ANSWER, ANSWER]) == 0
+    assert driver_of(layers_of(fused), FREE, [outside, ANSWER]) == 1
     assert driver_of(layers_of(fused), FREE, [None, ANSWER]) == 1
+    assert driver_of(layers_of(fused), FREE, [outside, None]) == 0
+
+
+def test_a_behavior_with_a_threshold_drives_by_it_also_outside_of_its_root_region():
+    outside = ANSWER._replace(clamped=True)
+    assert driver_of(layers_of(FusionParameters()), BOTH, [outside] * 3) == WALL

@@ -25,6 +25,7 @@ from fbql_common.wire import decode_world, encode_output
 from fbql_msgs.msg import BehaviorOutput
 
 from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import load_tree
 
 
@@ -34,6 +35,11 @@ class BehaviorNodeParameters:
 
     tree_file: str = parameter("", "tree file to run; empty: the tree that ships for this behavior")
     name: str = parameter("", "name of the behavior, and so its topic behaviors/<name>; empty: the tree file's")
+    observation: str = parameter(
+        "",
+        "FILE.py:NAME of the Observation that the tree of a behavior of your own was made with; empty: this package's, "
+        "or an installed one's",
+    )
 
 
 class BehaviorNode(GraphNode):
@@ -44,7 +50,8 @@ class BehaviorNode(GraphNode):
         parameters = declare_parameters(self, BehaviorNodeParameters)
         path = Path(parameters.tree_file) if parameters.tree_file else _shipped(behavior_name)
         tree = load_tree(path)
-        self._behavior = Behavior(parameters.name or behavior_name or tree.behavior, tree)
+        observation = find_observation(tree.behavior, parameters.observation)
+        self._behavior = Behavior(parameters.name or behavior_name or tree.behavior, tree, observation)
         self._publisher = self.create_publisher(BehaviorOutput, behavior_topic(self._behavior.name), STEP_QOS)
         self._input = Input(self, World, WORLD, decode_world, self._on_world, STEP_QOS)
         self._watch = WorldWatch(self, self._input)

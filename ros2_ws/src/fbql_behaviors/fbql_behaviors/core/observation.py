@@ -39,6 +39,10 @@ class Observation:
     instructor: Law | None = None
     """Who can show the behavior, if it is not left to a person."""
 
+    def contains(self, observed: Sequence[float]) -> bool:
+        """Whether what was sensed lies inside of the root region: only there the behavior says what to do."""
+        return all(feature.low <= value < feature.high for feature, value in zip(self.features, observed, strict=True))
+
 
 DISTANCE_M = 3.2
 """Root range of the ball's distance [m]: above the field's diagonal, and its halves 1.6, 0.8, ... 0.05 suit the task."""

@@ -137,13 +137,19 @@ def patterns_from_rows(
 def patterns_of(
     demonstrations: Sequence[Demonstration], observation: Observation, every: int = 1, count: int | None = None
 ) -> Patterns:
-    """The patterns of demonstrations: every `every`-th moment of each, at most `count` of all of them (evenly taken)."""
+    """The patterns of demonstrations: every `every`-th moment of each, at most `count` of all of them (evenly taken).
+
+    Moments outside of the root region show nothing of this behavior and are left out.
+    """
     rows: list[tuple[float, ...]] = []
     classes: list[int] = []
     numbers: list[int] = []
     for number, demonstration in enumerate(demonstrations):
         for world, command in zip(demonstration.worlds[::every], demonstration.commands[::every], strict=True):
-            rows.append(observation.sense(world))
+            observed = observation.sense(world)
+            if not observation.contains(observed):
+                continue
+            rows.append(observed)
             classes.append(wheel_class_of(command.left_rad_s, command.right_rad_s))
             numbers.append(number)
     if count is not None and len(rows) > count:

@@ -14,7 +14,8 @@ from fbql_common.core.types import DRIVER_BLEND, BehaviorOutput, World
 
 from fbql_fusion.core.parameters import FusionParameters, Thresholds
 
-Trigger = Callable[[World], bool]
+Trigger = Callable[[World, BehaviorOutput], bool]
+"""Whether a behavior wants to drive, by the world state and its own answer to it."""
 
 
 class Layer(NamedTuple):
@@ -26,19 +27,23 @@ class Layer(NamedTuple):
 
 
 def trigger_of(name: str, thresholds: Thresholds) -> Trigger:
-    """When a behavior wants to drive; one without a threshold of its own always wants to."""
+    """When a behavior wants to drive.
+
+    A behavior without a threshold here wants to wherever its observation lies inside of its tree's root region: that is
+    where it was shown what to do.
+    """
     wall_m, approach_rad = thresholds
 
-    def near_wall(world: World) -> bool:
+    def near_wall(world: World, _: BehaviorOutput) -> bool:
         return wall_distance_and_bearing(world)[0] < wall_m
 
-    def beside_ball(world: World) -> bool:
+    def beside_ball(world: World, _: BehaviorOutput) -> bool:
         return abs(approach_angle(world)) > approach_rad
 
-    def always(_: World) -> bool:
-        return True
+    def inside(_: World, output: BehaviorOutput) -> bool:
+        return not output.clamped
 
-    return {"wall_avoiding": near_wall, "approaching": beside_ball}.get(name, always)
+    return {"wall_avoiding": near_wall, "approaching": beside_ball}.get(name, inside)
 
 
 def layers_of(parameters: FusionParameters) -> tuple[Layer, ...]:
@@ -61,8 +66,9 @@ def driver_of(layers: Sequence[Layer], world: World, outputs: Sequence[BehaviorO
     """
     lowest = DRIVER_BLEND
     for behavior, trigger in layers:
-        if outputs[behavior] is not None:
-            if trigger(world):
+        output = outputs[behavior]
+        if output is not None:
+            if trigger(world, output):
                 return behavior
             lowest = behavior
     return lowest
