@@ -306,14 +306,14 @@ def test_behavior_that_stops_answering_is_left_out_within_its_time(make_team, be
     team.simulator.show(0, 2)
     decision = team.decided(2)
     took_s = monotonic() - shown_s
-    assert 0.1 < took_s < 0.3, "the timer looks every 0.02 s"
+    assert 0.1 < took_s < 0.5, "the timer looks every 0.02 s"
     assert decision.degraded and decision.joint_state == (0, NO_LEAF, 2)
     assert decision.weights == pytest.approx((0.5, 0.0, 0.5))
     assert team.simulator.commands[-1].left_rad_s == pytest.approx((10.0 + 30.0) / 2)
     bench.until_said("no answer from wall_avoiding within 0.1 s: going on without; nothing more is learned")
     shown_s = monotonic()
-    team.play(3, 4, 5)
-    assert monotonic() - shown_s < 0.25, "it was waited for again at every step"
+    team.play(*range(3, 10))
+    assert monotonic() - shown_s < 0.7, "it was waited for again at every step"
     assert bench.said().count("no answer from") == 1
 
 
@@ -363,8 +363,8 @@ def test_late_answers_do_not_make_fusion_wait_at_every_step(make_team, bench):
     team.play(1, 2, 3)
     team.behaviors[1].answer(world_at(0, 1, team.behaviors[1].worlds[1].stamp_ns))
     shown_s = monotonic()
-    team.play(4, 5, 6)
-    assert monotonic() - shown_s < 0.25
+    team.play(*range(4, 11))
+    assert monotonic() - shown_s < 0.7, "it was waited for at every step"
 
 
 def test_behavior_that_is_always_a_little_late_is_said_once_an_episode(make_team, bench):
@@ -394,7 +394,7 @@ def test_time_out_is_not_put_off_by_world_states_that_come_again(make_team, benc
         return team.fusion.finished.done()
 
     bench.until(show_again, "the run to end")
-    assert monotonic() - shown_s < 0.6
+    assert monotonic() - shown_s < 1.0
     assert len(shown) > 3, "the world state did not come again"
     assert team.fusion.finished.result() == FAILED
     assert "no answer from ball_seeking, approaching within 0.3 s" in bench.said()
@@ -413,7 +413,7 @@ def test_time_out_is_not_put_off_by_new_world_states_of_real_time(make_team, ben
         return team.decisions[-1].step > 0
 
     bench.until(next_step, "a decision")
-    assert monotonic() - shown_s < 0.4
+    assert monotonic() - shown_s < 0.6
     assert seen[-1].step > 3, "no new world state came in that time"
     assert team.decisions[-1].weights == pytest.approx((0.5, 0.0, 0.5))
 
@@ -564,15 +564,18 @@ def test_simulator_that_is_away_between_episodes_is_asked_when_it_is_back(make_t
 
 
 def test_simulator_that_was_started_again_is_asked_for_the_episode_again(make_team, bench, tmp_path):
-    team = make_team(world_timeout_s=0.2, **LEARNING)
+    team = make_team(world_timeout_s=0.5, **LEARNING)
     team.play(1, 2, collision_begun=True, collision=True)
     learned = team.policy(tmp_path / "before.npz")
     bench.remove(team.simulator)
     team.simulator = bench.add(FakeSimulator)
     bench.until(lambda: team.simulator.publisher.get_subscription_count() == 4, "the new simulator to be heard")
 
+    team.simulator.show(-1, 0)
+
     def idle():
-        team.simulator.show(-1, 0)
+        if team.behaviors[0].worlds[-1].stamp_ns == team.simulator.stamp_ns and not team.simulator.granted:
+            team.simulator.show(-1, 0)
         return team.simulator.granted
 
     bench.until(idle, "the episode to be asked for again")
