@@ -71,7 +71,8 @@ def commands(match: Match, mode: Mode, parameters: Path) -> dict[str, list[str]]
     Raises:
         BadInput: an executable is not there.
     """
-    ros = ["--ros-args", "--params-file", str(parameters)]
+    # What a node prints is kept as it is; a second copy by the logging library would only double it.
+    ros = ["--ros-args", "--params-file", str(parameters), "--disable-external-lib-logs"]
     if mode.processes == "one":
         program = str(Path(__file__).with_name("one_process.py"))
         return {"graph": [sys.executable, "-P", program, *match.behaviors, *ros]}

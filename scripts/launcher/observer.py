@@ -20,7 +20,10 @@ class Observer:
 
     def __init__(self, domain_id: int) -> None:
         self._context = rclpy.Context()
-        rclpy.init(args=[], context=self._context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO)
+        args = ["--ros-args", "--disable-external-lib-logs"]
+        rclpy.init(
+            args=args, context=self._context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO
+        )
         self._node = rclpy.create_node("bringup", context=self._context, use_global_arguments=False)
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self._node)

@@ -92,7 +92,7 @@ class Supervision:
             Interrupted: a signal came before any process was started.
         """
         with nullcontext(self._domain_id) if self._domain_id is not None else _free_domain() as domain_id:
-            # The launcher's own node logs with the run, too.
+            # Logs stay with the run, wherever HOME is.
             os.environ["ROS_LOG_DIR"] = str(match.out / "log")
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
             if self._domain_id is not None:

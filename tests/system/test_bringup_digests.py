@@ -8,7 +8,11 @@ from collections.abc import Callable
 import pytest
 from bringup_run import Run
 
-CONTROLLERS = {"subsumption": ["--episodes", "2"], "fbql_literal": ["--episodes", "2", "--guided", "2"]}
+CONTROLLERS = {
+    "subsumption": ["--episodes", "2"],
+    # Learning, with episodes of every phase and end.
+    "fbql_literal": ["--episodes", "2", "--guided", "2", "--max-steps", "700"],
+}
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)

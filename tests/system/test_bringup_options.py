@@ -49,7 +49,7 @@ def test_without_recording_there_is_a_result_and_no_recording(start: Start) -> N
 
 
 def test_guided_episodes_come_first_are_listed_and_not_counted(start: Start) -> None:
-    run = well_ended(start(*ONE, *LITERAL, "--guided", "2", "--episodes", "1", "--seed", "3"))
+    run = well_ended(start(*ONE, *LITERAL, "--guided", "2", "--episodes", "1", "--max-steps", "700", "--seed", "3"))
     rows = episodes_of(run.out)
     assert [row["phase"] for row in rows] == ["guided", "guided", "learning"]
     summary = summary_of(run.out)
@@ -65,7 +65,7 @@ def test_guided_episodes_come_first_are_listed_and_not_counted(start: Start) -> 
 def test_a_learned_policy_is_played_on_and_frozen_on_request(start: Start, tmp_path: Path) -> None:
     learned = start(*LITERAL, "--guided", "2", "--episodes", "1", "--seed", "3", script="train.py")
     policy = well_ended(learned).out / "policy.npz"
-    going_on = ["--policy", str(policy), *LITERAL, "--episodes", "1", "--seed", "4", "--json"]
+    going_on = ["--policy", str(policy), *LITERAL, "--episodes", "1", "--max-steps", "700", "--seed", "4", "--json"]
     runs = {
         learn: [start(*going_on, learn, *ONE), start(*going_on, learn, script="train.py")]
         for learn in ("--learn", "--no-learn")

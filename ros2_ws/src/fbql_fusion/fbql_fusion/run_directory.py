@@ -31,7 +31,7 @@ from fbql_fusion.core.policy import Policy
 from fbql_fusion.policy_storage import save_policy
 
 EPISODE_COLUMNS = ("index", "phase", "seed", "outcome", "steps", "collisions_begun", "collision_steps", "return")
-ROOM_BYTES = 16 * 1024
+ROOM_BYTES = 64 * 1024
 """Kept free for the summary, so that even on a full disk a run can say that it is incomplete."""
 _PACKAGES = ("numpy", "pymunk", "mcap", "ros-jazzy-rclpy")
 
