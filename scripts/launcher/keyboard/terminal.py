@@ -67,11 +67,11 @@ class Terminal:
         self._shown: list[str] = []
         self._size = (0, 0)
         self._stop_asked = False
+        self._taken = False
 
     def __enter__(self) -> Terminal:
         self._before = termios.tcgetattr(self._fd)
         signal.signal(signal.SIGTSTP, self._note_stop)
-        self._take()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
@@ -94,6 +94,8 @@ class Terminal:
 
     def pressed(self) -> list[Key]:
         """The keys that were pressed since the last call."""
+        if not self._taken:
+            return []
         try:
             data = os.read(self._fd, _MOST_BYTES)
             if not data:
@@ -107,6 +109,10 @@ class Terminal:
 
     def show(self, lines: list[Line]) -> None:
         """Shows a page: the lines that differ from those shown. A terminal that is busy with the last one misses it."""
+        if not self._taken:
+            self._take()
+            if not self._taken:
+                return
         if self._size != self.size:
             self._size, self._shown = self.size, []
             self._waiting += b"\x1b[2J"
@@ -136,25 +142,39 @@ class Terminal:
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
         os.kill(os.getpid(), signal.SIGTSTP)
         signal.signal(signal.SIGTSTP, self._note_stop)
-        self._take()
         return True
 
     def _take(self) -> None:
-        mode = termios.tcgetattr(self._fd)
-        mode[0] &= ~(termios.IXON | termios.ICRNL)
-        mode[3] &= ~(termios.ICANON | termios.ECHO)
-        # No core dump by a slip of the hand; Ctrl-S must not hold the screen, Ctrl-V must not hide a key.
-        for number in (termios.VQUIT, termios.VLNEXT):
-            mode[6][number] = b"\0"
-        mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
-        with suppress(termios.error):
-            termios.tcsetattr(self._fd, termios.TCSANOW, mode)
+        """Takes the terminal over, unless we are in the background: the shell has it then, until `fg`."""
+        with suppress(OSError):  # not our controlling terminal: nobody shares it with us
+            if os.tcgetpgrp(self._fd) != os.getpgrp():
+                return
+        try:
+            self._set_mode()
+        except termios.error:
+            self.gone = True
+            return
+        self._taken = True
         self._shown = []
         self._waiting = _TAKE.encode()
         self._flush()
 
+    def _set_mode(self) -> None:
+        """Every key at once, and nothing that would swallow one, or hold the screen."""
+        mode = termios.tcgetattr(self._fd)
+        mode[0] &= ~(termios.IXON | termios.ICRNL)
+        mode[3] &= ~(termios.ICANON | termios.ECHO)
+        # Ctrl-\ would end it without a word, Ctrl-V hide the next key.
+        for number in (termios.VQUIT, termios.VLNEXT):
+            mode[6][number] = b"\0"
+        mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
+        termios.tcsetattr(self._fd, termios.TCSANOW, mode)
+
     def _give_back(self) -> None:
         """As it was before. What is still to be drawn is not; a terminal that is slow is given a moment."""
+        if not self._taken:
+            return
+        self._taken = False
         self._waiting = _GIVE_BACK.encode()
         self._flush(_LAST_WORDS_S)
         with suppress(termios.error):
