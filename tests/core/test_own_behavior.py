@@ -49,6 +49,10 @@ def test_it_takes_no_more_than_twenty_lines() -> None:
     assert len(lines) <= 20
 
 
+def test_the_page_that_explains_it_shows_it_as_it_is() -> None:
+    assert f"```python\n{(EXAMPLE / 'shooting.py').read_text()}```" in (ROOT / "docs/add_a_behavior.md").read_text()
+
+
 def test_its_tree_is_made_again_from_its_demonstrations(shooting: Observation) -> None:
     recipe = recipe_of("shooting")
     patterns = patterns_of(instruct("shooting", 1, 300, recipe.steps), shooting, recipe.every, recipe.patterns)
