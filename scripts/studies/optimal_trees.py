@@ -62,10 +62,11 @@ def optimal_tree(behavior: str, patterns: Patterns, depth: int, leaves: int) -> 
     model.fit(is_right.astype(np.int64), costs)
     if not model.fit_result.is_optimal():
         return None
-    return _ours(model.get_tree(), behavior, patterns, cuts)
+    return as_ours(model.get_tree(), behavior, patterns, cuts)
 
 
-def _ours(root: Any, behavior: str, patterns: Patterns, cuts: list[tuple[int, float]]) -> Tree:
+def as_ours(root: Any, behavior: str, patterns: Patterns, cuts: list[tuple[int, float]]) -> Tree:
+    """pystreed's tree as ours; its feature k asks whether an attribute is at least the threshold of cut k."""
     nodes: list[Node] = []
     leaves: list[Leaf] = []
 

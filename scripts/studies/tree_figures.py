@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from io import StringIO
 from itertools import groupby
-from math import degrees
+from math import degrees, nan
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -34,9 +36,16 @@ BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#888888"
 COLOURS = {"weighted": BLUE, "printed": VERMILLION, "cart": GREEN, "cart by entropy": PURPLE, "optimal": BLACK}
 TURNS = LinearSegmentedColormap.from_list("turns", [ORANGE, "#ffffff", BLUE])
 """Right turns are orange, left turns blue."""
-MAX_TURN = 6.0
+MAX_TURN = 5.0
 PAPER_LEAVES = {"ball_seeking": (110, 122), "wall_avoiding": (11,), "approaching": (37,)}
-STYLE = {"font.size": 9, "axes.spines.top": False, "axes.spines.right": False, "svg.hashsalt": "trees", "svg.id": "f"}
+STYLE = {
+    "font.size": 9,
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial"],
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "trees",
+}
 DIVERGENCE_TRIALS = 200
 BEHAVIORS = tuple(RECIPES)
 
@@ -64,9 +73,16 @@ def draw_all(results: Mapping[str, Result], directory: Path) -> list[Path]:
     files: list[Path] = []
     with mpl.rc_context(STYLE):
         for name, draw in drawings.items():
+            text = StringIO()
+            FigureCanvasSVG(draw()).print_svg(text, metadata={"Date": None, "Creator": None})
             files.append(directory / f"trees_{name}.svg")
-            FigureCanvasSVG(draw()).print_svg(files[-1], metadata={"Date": None, "Creator": None})
+            files[-1].write_text(_slim(text.getvalue()))
     return files
+
+
+def _slim(svg: str) -> str:
+    """An SVG of Matplotlib without line breaks inside of paths, and with two decimals of what is larger than 1."""
+    return re.sub(r"([1-9]\d*\.\d\d)\d+", r"\1", re.sub(r" ?\n(?=[MLQCz\"])", " ", svg))
 
 
 def patterns_figure(lessons: Mapping[str, Lesson]) -> Figure:
@@ -76,9 +92,10 @@ def patterns_figure(lessons: Mapping[str, Lesson]) -> Figure:
         patterns = lesson.patterns
         x, y = _places(patterns.features, patterns.x)
         _over_features(axis, patterns.features)
+        axis.set_facecolor("#d8d8d8")
         axis.scatter(
-            x, y, s=5, c=_turn(levels_of_classes(patterns.wheel_class)), cmap=TURNS, norm=_turns(), ec="#555555",
-            lw=0.3, rasterized=True,
+            x, y, s=5, c=_turn(levels_of_classes(patterns.wheel_class)), cmap=TURNS, norm=_turns(), lw=0,
+            rasterized=True,
         )  # fmt: skip
         axis.set_title(f"{_spoken(behavior)}: {len(patterns)} patterns")
     _turn_bar(figure, axes)
@@ -99,7 +116,7 @@ def partition_figure(lessons: Mapping[str, Lesson]) -> Figure:
                 axis.add_patch(
                     Rectangle(
                         (left, bottom), right - left, top - bottom, fc=TURNS(_turns()(_turn(levels)[0])), ec="#777777",
-                        lw=0.4, hatch="////" if levels.sum() < 0.0 else None,
+                        lw=0.4, hatch="////" if levels.sum() < 0.0 else None, clip_on=False,
                     )
                 )  # fmt: skip
             x, y = _places(tree.features, lesson.patterns.x)
@@ -156,6 +173,7 @@ def sizes_figure(sizes: Sequence[Row]) -> Figure:
                 points.append((median(row["leaves"] for row in seeds), median(row["rmse_levels"] for row in seeds)))
             axis.plot(*zip(*sorted(points), strict=True), lw=1.2, ms=3.5, label=name, **style)
         axis.set_xscale("log")
+        axis.set_xticks((1, 10, 100), ("1", "10", "100"))
         axis.set_xlabel("leaves")
         axis.set_title(_spoken(behavior))
         axis.set_ylim(0)
@@ -191,12 +209,13 @@ def divergence_figure(lesson: Lesson) -> Figure:
 def trials_figure(methods: Mapping[str, Mapping[int, Any]]) -> Figure:
     """Value, held-out error and cost of a goal against trials, with hopes and without, and the exact optimum."""
     figure, axes = _panels(4, rows=2, height=5.2, width=11.0)
-    places = [*TRIALS, 4 * TRIALS[-1]]
+    places = [*TRIALS, 4 * max(TRIALS)]
     for row, key, label in zip(axes.reshape(2, 4), ("value", "rmse_levels"), ("value / optimum", "held-out error [levels]"), strict=True):  # fmt: skip
         for axis, behavior in zip(row, BEHAVIORS, strict=False):
             for objective, ending, style in _lines():
                 values = [
-                    [each["trees"][behavior][key] for each in methods[name].values()]
+                    [value for each in methods[name].values() if (value := each["trees"][behavior][key]) is not None]
+                    or [nan]
                     for name in _names(objective, ending)
                 ]
                 _band(axis, places, [median(each) for each in values], values, style, objective, ending)
@@ -262,24 +281,29 @@ def _band(
 
 def play_figure(methods: Mapping[str, Mapping[int, Any]]) -> Figure:
     """Cost of a goal and success rate of each method's trees, with confidence intervals over the seeds."""
-    shown = [m for m in methods if not m.endswith(("no hope", "one leaf")) and " rl " not in m.replace("rl 50", "")]
-    shown = [method for method in shown if method.split(" rl ")[-1] in (method, "50")]
-    figure, axes = _panels(2 * len(SETTINGS), height=0.26 * len(shown) + 1.0, width=11.0)
-    for place, (name, kind) in enumerate((name, kind) for kind in ("cost", "success") for name in SETTINGS):
-        axis = axes[place]
-        numerator, denominator = ("steps", "goals") if kind == "cost" else ("goals", "episodes")
-        for row, method in enumerate(shown):
-            scores = [each["play"][name] for each in methods[method].values() if name in each["play"]]
-            found = ratio_of_sums([s[numerator] for s in scores], [s[denominator] for s in scores])
-            colour = next((c for start, c in reversed(COLOURS.items()) if method.startswith(start)), GREY)
-            axis.plot([found.low, found.high], [row, row], color=colour, lw=2)
-            axis.plot(found.estimate, row, "o", color=colour, ms=4)
-        axis.set_yticks(range(len(shown)), shown if place == 0 else [""] * len(shown))
-        axis.invert_yaxis()
-        axis.grid(axis="x", lw=0.4)
-        axis.set_title(f"{name} thresholds", fontsize=9)
-        axis.set_xlabel("steps / goal" if kind == "cost" else "success rate")
+    shown = [method for method, by_seed in methods.items() if _is_played_in_full(method, by_seed)]
+    figure, axes = _panels(len(SETTINGS), rows=2, height=0.36 * len(shown) + 1.6)
+    kinds = (("steps / goal", "steps", "goals"), ("success rate", "goals", "episodes"))
+    for row, (label, numerator, denominator) in zip(axes.reshape(2, -1), kinds, strict=True):
+        for axis, name in zip(row, SETTINGS, strict=True):
+            for place, method in enumerate(shown):
+                scores = [each["play"][name] for each in methods[method].values()]
+                found = ratio_of_sums([s[numerator] for s in scores], [s[denominator] for s in scores])
+                colour = next((c for start, c in reversed(COLOURS.items()) if method.startswith(start)), GREY)
+                axis.plot([found.low, found.high], [place, place], color=colour, lw=2)
+                axis.plot(found.estimate, place, "o", color=colour, ms=4)
+            axis.set_yticks(range(len(shown)), shown if axis is row[0] else [""] * len(shown))
+            axis.invert_yaxis()
+            axis.grid(axis="x", lw=0.4)
+            axis.set_title(f"{name} thresholds")
+            axis.set_xlabel(label)
     return figure
+
+
+def _is_played_in_full(method: str, by_seed: Mapping[int, Any]) -> bool:
+    """Whether a method's trees were played with all thresholds; of those that are the same, only the ones of 50 trials."""
+    in_full = all(len(each["play"]) == len(SETTINGS) for each in by_seed.values())
+    return in_full and not method.endswith((" rl 200", " rl 1000"))
 
 
 def _panels(columns: int, rows: int = 1, height: float = 3.0, width: float = 9.5) -> tuple[Figure, Any]:

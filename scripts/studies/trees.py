@@ -8,9 +8,9 @@ meet the same episodes.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -167,8 +167,8 @@ def _tree_row(lesson: Lesson, method: str, grown: Grown) -> Row:
         "leaves": grown.tree.leaf_count,
         "rmse_levels": wheel_rmse(grown.tree, lesson.held_out),
         "rmse_training": wheel_rmse(grown.tree, lesson.patterns),
-        "value": tree_value(grown.tree, lesson.patterns, parameters) / best,
-        "belief": None if grown.belief is None else grown.belief / best,
+        "value": tree_value(grown.tree, lesson.patterns, parameters) / best if best else None,
+        "belief": grown.belief / best if grown.belief is not None and best else None,
     }
 
 
@@ -210,10 +210,10 @@ def _tree_summary(method: str, behavior: str, by_seed: Mapping[int, Any]) -> Row
     """Medians over the seeds, and the error's range."""
 
     def of(name: str) -> list[float]:
-        return [each["trees"][behavior][name] for each in by_seed.values()]
+        values = (each["trees"][behavior][name] for each in by_seed.values())
+        return [value for value in values if value is not None]
 
     errors = of("rmse_levels")
-    beliefs = [belief for belief in of("belief") if belief is not None]
     return {
         "method": method,
         "behavior": behavior,
@@ -226,8 +226,8 @@ def _tree_summary(method: str, behavior: str, by_seed: Mapping[int, Any]) -> Row
         "rmse_high": max(errors),
         "rmse_rad_s": rad_s_of(median(errors)),
         "rmse_training": median(of("rmse_training")),
-        "value_to_dp": median(of("value")),
-        "belief_to_dp": median(beliefs) if beliefs else None,
+        "value_to_dp": median(of("value")) if of("value") else None,
+        "belief_to_dp": median(of("belief")) if of("belief") else None,
         "seconds": median(each["seconds"][behavior] for each in by_seed.values()),
     }
 
@@ -262,7 +262,7 @@ def _play_summary(method: str, name: str, by_method: Mapping[str, Mapping[int, A
 
 def _compared(paired: Sequence[tuple[Score, Score]]) -> Row:
     """cost/goal over that of the trees that ship, on the same seeds: the ratio's interval, and p that there is none."""
-    ratio, p = Interval(float("nan"), float("nan"), float("nan")), None
+    ratio, p = Interval(nan, nan, nan), None
     if paired and all(ours.goals and theirs.goals for ours, theirs in paired):
         costs = [(ours.steps / ours.goals, theirs.steps / theirs.goals) for ours, theirs in paired]
         ratio = ratio_of_sums(*map(list, zip(*costs, strict=True)))
@@ -274,8 +274,10 @@ def _score(each: Mapping[str, Any], name: str) -> Score:
     return Score(*(each["play"][name][field] for field in Score._fields))
 
 
-def _interval(scores: Any, numerator: str, denominator: str) -> Interval:
+def _interval(scores: Iterable[Score], numerator: str, denominator: str) -> Interval:
     counted = list(scores)
+    if not any(getattr(each, denominator) for each in counted):
+        return Interval(nan, nan, nan)
     return ratio_of_sums([getattr(s, numerator) for s in counted], [getattr(s, denominator) for s in counted])
 
 
