@@ -19,7 +19,7 @@ from launcher.observations import add_observation_option, know_observations
 ROOT = Path(__file__).resolve().parents[2]
 RUNS = ROOT / "runs"
 DEFAULT_GOALS = 10
-RESERVED_NAMES = {"simulator", "fusion", "bringup"}
+RESERVED_NAMES = {"simulator", "fusion", "bringup", "behavior"}
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ class Run:
         before: a command that this one is given to, such as `in_namespace`.
         environment: variables on top of the tests' own, from which what is personal to a user is taken.
         terminal: becomes its controlling one, and takes its stderr.
+        from_a_shell: as from a user's shell, by a python3 that is not the environment's and with nothing set for it.
     """
 
     def __init__(
@@ -54,16 +55,18 @@ class Run:
         before: Sequence[str] = (),
         environment: Mapping[str, str | None] | None = None,
         terminal: Terminal | None = None,
+        from_a_shell: bool = False,
     ) -> None:
         self.place = place
         self.out = place / "run"
         self.mark = uuid.uuid4().hex
         self._stdout, self._stderr = place / "stdout.txt", place / "stderr.txt"
         own = {**dict.fromkeys(_PERSONAL), **(environment or {}), _MARK: self.mark}
-        merged = {**os.environ, **own}
+        merged = {**({"PATH": os.defpath, "HOME": str(place)} if from_a_shell else os.environ), **own}
+        python = f"{sys.base_prefix}/bin/python3" if from_a_shell else sys.executable
         with self._stdout.open("wb") as stdout, self._stderr.open("wb") as stderr:
             self.popen = subprocess.Popen(
-                [*before, sys.executable, str(ROOT / "scripts" / script), *arguments],
+                [*before, python, str(ROOT / "scripts" / script), *arguments],
                 env={name: value for name, value in merged.items() if value is not None},
                 cwd=place,
                 stdin=subprocess.DEVNULL if terminal is None else terminal.descriptor,
