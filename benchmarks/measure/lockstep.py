@@ -35,6 +35,10 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--steps", type=int, default=8000, metavar="N", help="steps of each measurement, about (8000)")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args(list(argv))
+    for name in ("rounds", "steps"):
+        if getattr(arguments, name) < 1:
+            print(f"lockstep.py: --{name} is {getattr(arguments, name)}; it must be 1 or more", file=sys.stderr)
+            return 2
     figures: dict[str, dict[str, list[float]]] = {mode: {} for mode in ("many", "one")}
     for number in range(arguments.rounds):
         for mode, found in figures.items():
@@ -63,11 +67,17 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _summary(found: dict[str, list[float]]) -> dict[str, float]:
-    row = {name: median(values) for name, values in found.items()}
-    row["ratio"] = row["graph"] / row["bare"]
-    row["ratio_recording"] = row["graph_recording"] / row["bare"]
-    row["ratio_recording_raw"] = row["graph_recording"] / row["bare_raw"]
-    return row
+    """Medians over the rounds, of the ratios too: each ratio is of two things measured right after each other."""
+
+    def ratio(ours: str, floor: str) -> float:
+        return median(a / b for a, b in zip(found[ours], found[floor], strict=True))
+
+    return {
+        **{name: median(values) for name, values in found.items()},
+        "ratio": ratio("graph", "bare"),
+        "ratio_recording": ratio("graph_recording", "bare"),
+        "ratio_recording_raw": ratio("graph_recording", "bare_raw"),
+    }
 
 
 def _ours(mode: str, steps: int, record: bool) -> float:

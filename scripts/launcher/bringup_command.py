@@ -82,7 +82,7 @@ def _prepared(arguments: argparse.Namespace, panel: Panel, interrupts: Interrupt
     match = match_from(arguments, PROGRAM)
     rehearse(match)
     interrupts.check()
-    mode = Mode(arguments.processes, arguments.realtime, arguments.record)
+    mode = Mode(arguments.processes, arguments.realtime, arguments.record, arguments.start_timeout)
     return match, Supervision(PROGRAM, mode, domain_id, arguments.start_timeout, panel, interrupts)
 
 

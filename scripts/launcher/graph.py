@@ -16,6 +16,7 @@ from launcher.options import Match
 
 LOCKSTEP_TIMEOUT_S = 10.0
 """How long a step may take in a supervised graph before the run ends, naming who is missing [s]."""
+_START_GRACE_S = 5.0
 
 
 class Mode(NamedTuple):
@@ -26,6 +27,8 @@ class Mode(NamedTuple):
     realtime: float
     """Speed relative to real time; 0: lockstep."""
     record: bool
+    start_timeout_s: float = 30.0
+    """Within this the graph must be up."""
 
 
 def node_names(match: Match) -> list[str]:
@@ -41,7 +44,8 @@ def write_parameters(match: Match, mode: Mode) -> Path:
             **asdict(match.simulation),
             "seed": match.fusion.seed,
             "realtime": float(mode.realtime),
-            "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S,
+            # A little more than fusion's: fusion can name the behavior that is missing.
+            "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S + 2.0,
         },
         "fusion": {
             **asdict(match.fusion),
@@ -53,6 +57,8 @@ def write_parameters(match: Match, mode: Mode) -> Path:
             # Supervised and in lockstep nobody plays on without a behavior: the run ends, naming it.
             "behavior_timeout_s": 0.1 if mode.realtime > 0 else 0.0,
             "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S,
+            # The start barrier names who is not there; fusion names who is there and can't be heard.
+            "start_timeout_s": mode.start_timeout_s + _START_GRACE_S,
         },
     }
     for name, tree_file in match.behaviors.items():

@@ -28,7 +28,7 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float) -> str:
         ("a goal cost", _number(cost), cost_text),
         ("collisions", summary["collisions_begun"], f"with a wall, {summary['collision_steps']} steps in contact"),
         ("played", summary["steps"], f"steps{_pace(summary, dt_s)}"),
-        ("digest", summary["digest"][:8], "the same whenever this match is played again"),
+        ("digest", summary["digest"][:8], "of every step; the whole match again in lockstep gives the same"),
         ("recording", recorded or "none", f"{'messages in ' if recorded else ''}{run}"),
     ]
     if summary["incomplete"]:
@@ -63,10 +63,10 @@ def next_steps(summary: Mapping[str, Any], run: Path) -> str:
             "go on with what was learned",
         )
     elif summary["controller"] == "subsumption":
-        other = f"{bringup} --controller fbql_literal", "the same behaviors, fused by learning"
+        other = f"{bringup} --controller fbql_literal --episodes 30", "the same behaviors, fused by learning"
     else:
         other = bringup, "the same behaviors, by priorities instead"
     steps = [other, (f"{bringup} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
-    if summary["messages_recorded"]:
+    if summary["messages_recorded"] and not summary["incomplete"]:
         steps.append((f"ros2 bag info {run}", f"what was recorded; Foxglove opens {run.name}_0.mcap in there"))
     return "\n".join(["", "Next:", *(f"  {command}\n      {meaning}" for command, meaning in steps)])

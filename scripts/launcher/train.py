@@ -20,7 +20,7 @@ from launcher.panel import Panel
 from launcher.result import summary_text
 
 PROGRAM = "train.py"
-_DONE, _FAILED, _BAD_INPUT = 0, 1, 2
+_DONE, _BAD_INPUT, _INCOMPLETE = 0, 2, 3
 
 
 def main(argv: Sequence[str]) -> int:
@@ -56,7 +56,7 @@ def main(argv: Sequence[str]) -> int:
     run.close()
     values = summary._asdict()
     print(json.dumps(values) if match.json else summary_text(values, match.out, match.simulation.dt_s))
-    return _FAILED if run.failed else _DONE
+    return _INCOMPLETE if run.failed else _DONE
 
 
 def _config(match: Match) -> dict[str, object]:

@@ -1,7 +1,7 @@
 """The assembly of a step: nothing is decided twice, too early, out of order, or with what does not belong to it."""
 
 from fbql_common.core.types import BehaviorOutput, World
-from fbql_fusion.core.assembly import Arrival, StepAssembly
+from fbql_fusion.core.assembly import MAX_GAP_STEPS, Arrival, StepAssembly
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -89,6 +89,13 @@ def test_worlds_of_other_steps_and_episodes_are_foreign():
     ]
     assert [assembly.add_world(world, b"") for world in foreign] == [Arrival.FOREIGN] * len(foreign)
     assert assembly.oldest() is None
+
+
+def test_world_far_ahead_of_the_episode_is_foreign():
+    assembly = assembly_at(3)
+    assert assembly.add_world(world_of(3 + MAX_GAP_STEPS + 1), b"") is Arrival.FOREIGN
+    assert assembly.add_world(world_of(10**6), b"") is Arrival.FOREIGN
+    assert assembly.add_world(world_of(3 + MAX_GAP_STEPS), b"") is Arrival.NEW
 
 
 def test_episode_counts_from_its_first_step_on():

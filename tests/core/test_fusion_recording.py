@@ -456,3 +456,14 @@ def test_a_full_file_system_stops_the_recording_and_nothing_else(tmp_path):
     assert 0 < result["messages"] == result["readable"] < result["written"]
     assert result["rows"] == result["whole_rows"] > 0
     assert result["summary_after_room"] == {"incomplete": True}
+
+
+@pytest.mark.parametrize("log_time_ns", [-1, 1 << 64])
+def test_a_time_that_mcap_has_not_is_refused_before_anything_is_lost(tmp_path: Path, log_time_ns: int) -> None:
+    made = recorder(tmp_path)
+    made.write(0, cdr(1), 5)
+    with pytest.raises(ValueError, match="log_time_ns"):
+        made.write(0, cdr(2), log_time_ns)
+    made.close()
+    assert not made.failed
+    assert len(in_file_order(made.path)) == 1

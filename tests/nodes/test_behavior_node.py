@@ -74,6 +74,14 @@ def test_older_world_is_not_answered_and_counted(bench, asked):
     assert [answer.step for answer in asked.answers] == [5, 6]
 
 
+def test_world_of_another_clock_far_ahead_is_not_answered_and_does_not_make_the_others_old(bench, asked):
+    asked.answer_to(world_at(0, 5))
+    asked.ask(world_at(0, 6, 3_600_000_000_000))
+    bench.until_said("ahead of the last (1 dropped so far)")
+    asked.answer_to(world_at(0, 6))
+    assert [answer.step for answer in asked.answers] == [5, 6]
+
+
 def test_first_world_of_a_simulator_that_was_started_again_is_answered(asked):
     asked.answer_to(world_at(0, 500))
     answer = asked.answer_to(world_at(-1, 0, STEP_NS))

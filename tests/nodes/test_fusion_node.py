@@ -681,3 +681,19 @@ def test_everything_that_was_decided_is_recorded_whatever_came_beside_it(make_te
     bench.remove(team.fusion)
     summary = json.loads((team.run / "summary.json").read_text())
     assert summary["messages_recorded"] == 3 * 6
+
+
+def test_run_that_cannot_begin_ends_naming_what_does_not_match(bench, make_team):
+    team = make_team(begin=False, start_timeout_s=0.2, behaviors=["ball_seeking", "nobody"])
+    bench.until(lambda: team.fusion.finished.done(), "the run to be given up")
+    assert team.fusion.finished.result() == 1
+    bench.until_said("can't begin: after 0.2 s there is no matching")
+
+
+def test_world_far_ahead_of_the_episode_is_not_decided(bench, make_team):
+    team = make_team()
+    team.play(1)
+    team.simulator.show(0, 1_000_000)
+    team.play(2)
+    assert [decision.step for decision in team.decisions] == [0, 1, 2]
+    assert not team.decisions[-1].degraded

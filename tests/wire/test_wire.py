@@ -125,6 +125,14 @@ def test_wrong_frame_is_rejected_naming_the_expected_one():
         wire.decode_world(serialize_message(message))
 
 
+@pytest.mark.parametrize(("sec", "nanosec"), [(-1, 0), (0, 10**9), (5, 2**32 - 1)])
+def test_stamp_that_is_no_time_is_rejected(sec, nanosec):
+    message = deserialize_message(wire.encode_world(WORLD), wire.MESSAGES[World])
+    message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
+    with pytest.raises(wire.Rejected, match="no time"):
+        wire.decode_world(serialize_message(message))
+
+
 def test_bytes_of_another_message_are_rejected():
     with pytest.raises(wire.Rejected, match="malformed"):
         wire.decode_world(wire.encode_command(COMMAND))

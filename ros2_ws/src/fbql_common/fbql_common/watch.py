@@ -12,8 +12,11 @@ from rclpy.timer import Timer
 
 from fbql_common.core.types import World
 from fbql_common.inputs import Input
+from fbql_common.wire import NS
 
 PAUSED_AFTER_S = 2.0
+AHEAD_NS = 60 * NS
+"""A stamp so far ahead of the last, without a pause between them, is of another clock."""
 _PERIOD_S = 0.5
 
 
@@ -54,6 +57,9 @@ class WorldWatch:
         now = monotonic()
         if world.stamp_ns < self._last_ns and world.step != 0 and now - self._last_s < PAUSED_AFTER_S:
             self._input.drop(f"episode {world.episode}, step {world.step} is older than the last")
+            return False
+        if 0 < self._last_ns < world.stamp_ns - AHEAD_NS and now - self._last_s < PAUSED_AFTER_S:
+            self._input.drop(f"its stamp is {(world.stamp_ns - self._last_ns) / NS:.0f} s ahead of the last")
             return False
         self._last_ns, self._last_s = world.stamp_ns, now
         return True

@@ -81,7 +81,7 @@ class FusionNode(GraphNode):
         self._given_up: set[str] = set()
         """Behaviors that were said to be missing in this episode."""
         self._rejected = 0
-        self._began_s = self._checked_s = self._said_s = monotonic()
+        self._made_s = self._began_s = self._checked_s = self._said_s = monotonic()
         self._check_timer = steady_timer(self, _CHECK_PERIOD_S, self._check)
         self._flush_timer = steady_timer(self, self._settings.flush_period_s, self._run.flush)
         self.get_logger().info(f"fusion: {fusion.controller} of {', '.join(fusion.behaviors)}; run in {self._run.path}")
@@ -168,6 +168,11 @@ class FusionNode(GraphNode):
         if not missing:
             self._started = True
             self._next_episode()
+        elif 0 < self._settings.start_timeout_s < now - self._made_s:
+            self.get_logger().error(
+                f"can't begin: after {self._settings.start_timeout_s:g} s there is no matching {', '.join(missing)}"
+            )
+            self.finish(FAILED)
         elif self._due(now):
             self.get_logger().info(f"waiting for {', '.join(missing)}")
             for source in self._inputs:

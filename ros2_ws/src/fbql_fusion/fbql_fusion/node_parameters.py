@@ -29,6 +29,9 @@ class FusionNodeParameters:
         low=0.0,
         high=60.0,
     )
+    start_timeout_s: float = parameter(
+        0.0, "inputs that are not there after this end the run; 0: waits for ever", unit="s", low=0.0, high=3700.0
+    )
     lockstep_timeout_s: float = parameter(
         0.0,
         "a step whose answers, or whose world state, take longer than this ends the run; 0: waits for ever",

@@ -126,10 +126,15 @@ class Recorder:
         Args:
             channel: index into the channels.
             data: CDR with its encapsulation header.
-            log_time_ns: time of the message [ns], not negative; it is the publish time too.
+            log_time_ns: time of the message [ns], 0 .. 2^64 - 1; it is the publish time too.
+
+        Raises:
+            ValueError: log_time_ns is no such time.
         """
         if self._closed or self.failed:
             return
+        if not 0 <= log_time_ns < 1 << 64:
+            raise ValueError(f"log_time_ns is {log_time_ns}; MCAP has times from 0 to 2^64 - 1")
         try:
             self._writer.add_message(channel, data, log_time_ns)
         except OSError as error:
@@ -182,7 +187,11 @@ class Recorder:
         os.fsync(self._fd)
         self.active_path.rename(self.path)
         metadata = to_yaml({"rosbag2_bagfile_information": information})
-        write_atomically(self.path.with_name("metadata.yaml"), metadata.encode())
+        try:
+            write_atomically(self.path.with_name("metadata.yaml"), metadata.encode())
+        except OSError:
+            self.path.rename(self.active_path)
+            raise
 
     def _attach(self, attachments: Sequence[Attachment]) -> None:
         for attachment in attachments:

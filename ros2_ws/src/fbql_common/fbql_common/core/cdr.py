@@ -29,6 +29,7 @@ _PRIMITIVES = {
 _LENGTH = Struct("<I")
 _PADDING = tuple(b"\x00" * n for n in range(8))
 _MAX_ITEMS = 4096
+_BOOLS = (True, False)
 
 
 class Malformed(ValueError):
@@ -40,6 +41,7 @@ class _Run:
 
     def __init__(self, kinds: Sequence[str]) -> None:
         self.count = len(kinds)
+        self.bools = tuple(place for place, kind in enumerate(kinds) if kind == "bool")
         self.structs = [Struct(self._format(kinds, start)) for start in range(8)]
 
     @staticmethod
@@ -96,6 +98,9 @@ class Codec:
             for part in self._parts:
                 if type(part) is _Run:
                     data = part.structs[size & 7].pack(*values[index : index + part.count])
+                    for place in part.bools:  # struct takes anything for a bool
+                        if values[index + place] not in _BOOLS:
+                            raise TypeError(f"{values[index + place]!r} is neither true nor false")
                     index += part.count
                 else:
                     data = _encode_variable(part, values[index], size)  # pyright: ignore[reportArgumentType]

@@ -13,6 +13,8 @@ from fbql_common.core.types import BehaviorOutput, World
 
 _MAX_STEPS = 16
 """Steps that are put together at the same time; in lockstep there is one."""
+MAX_GAP_STEPS = 600
+"""World states that may be missing between two steps (10 s at 60 Hz): one farther ahead is none of this episode."""
 
 
 class Arrival(Enum):
@@ -24,7 +26,7 @@ class Arrival(Enum):
     DECIDED = "decided"
     """Its step was decided already: the command got lost, repeat it."""
     FOREIGN = "foreign"
-    """Of an older step, of another episode, or of an episode whose beginning was missed."""
+    """Of an older step, of one far ahead, of another episode, or of an episode whose beginning was missed."""
 
 
 class Step:
@@ -74,6 +76,8 @@ class StepAssembly:
                 return Arrival.FOREIGN
         elif world.stamp_ns <= decided.stamp_ns or world.step <= decided.step:
             return Arrival.DECIDED if world == decided else Arrival.FOREIGN
+        elif world.step - decided.step > MAX_GAP_STEPS:
+            return Arrival.FOREIGN
         step = self._step(world.stamp_ns)
         if step.world is not None:
             return Arrival.WAITING
