@@ -133,6 +133,7 @@ def _page(
             method=arguments.method or parameters.method,
             objective=parameters.objective,
             value=made.value,
+            worth=tree_value(made.tree, patterns, parameters),
             optimum=optimum,
             rmse=rmse,
             training_rmse=wheel_rmse(made.tree, patterns),

@@ -49,7 +49,9 @@ class Induction:
     method: str
     objective: str
     value: float
-    """What the tree is worth [nat]."""
+    """The value of the root as the method has it [nat]: learned values may still be too high."""
+    worth: float
+    """What the tree really is worth [nat]."""
     optimum: float
     """What the best tree of half-splits is worth [nat]."""
     rmse: float | None
@@ -93,15 +95,13 @@ def _tiles(induction: Induction) -> str:
     held_out = ("n/a", "held-out error: it takes two demonstrations")
     if rmse is not None:
         held_out = (f"{rmse:.2f} levels", f"held-out error of the wheels, {rad_s_of(rmse):.1f} rad/s")
-    share = ""
-    if isfinite(induction.value) and induction.optimum > 0.0:
-        share = f", {100 * induction.value / induction.optimum:.1f} % of the optimum"
+    worth = f"; the tree is worth {_nat(induction.worth)}, the best one {_nat(induction.optimum)}"
     tiles = (
         (str(induction.tree.leaf_count), "leaves"),
         (f"{len(induction.patterns)}", f"patterns of {induction.demonstrations} demonstrations"),
         held_out,
         (f"{induction.training_rmse:.2f} levels", "error on the training patterns"),
-        (_nat(induction.value), f"value of the root ({induction.objective} objective){share}"),
+        (_nat(induction.value), f"value of the root ({induction.objective} objective){worth}"),
     )
     return '<div class="tiles">{}</div>'.format(
         "".join(f'<div class="tile"><b>{escape(value)}</b><span>{escape(name)}</span></div>' for value, name in tiles)
@@ -113,10 +113,11 @@ def _course(induction: Induction) -> str:
     if induction.curve:
         points = [(float(trial), value) for trial, value in enumerate(induction.curve, start=1)]
         figure = curve_svg("Learning", points, "trial", "value of the root [nat]", ("optimum", induction.optimum))
+        above = " It begins above that, because splits that were not yet tried are hoped for."
         return (
             "<h2>Learning curve</h2>\n<p>The value of the root as learned after each trial. The dashed line is what "
-            "dynamic programming finds over the same regions. The curve begins above it, because splits that were not "
-            f"yet tried are hoped for.</p>\n{figure}"
+            "dynamic programming finds over the same regions."
+            f"{above if induction.curve[0] > induction.optimum else ''}</p>\n{figure}"
         )
     if induction.tried:
         points = [(float(leaves), error) for leaves, error in sorted(induction.tried.items())]

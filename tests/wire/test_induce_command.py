@@ -164,10 +164,11 @@ def test_the_pages_figures_are_a_partition_and_a_curve_of_every_trial_beside_the
 def test_a_value_that_diverged_is_said_and_ends_the_curve(page_and_tree: tuple[str, Path]) -> None:
     tree = load_tree(page_and_tree[1])
     patterns = patterns_from_rows(tree.features, [(0.5, 0.1), (1.0, -0.1)], [420, 840])
-    about = ("hand-made", "rl", "printed", inf, 0.5, None, 1.0)
+    about = ("hand-made", "rl", "printed", inf, 0.25, 0.5, None, 1.0)
     text = induction_page(Induction(tree, patterns, 1, *about, curve=[0.1, 0.2, inf, nan], tried={}))
     assert Page(text).open == []
     assert {"diverged", "n/a"} <= set(Page(text).texts)
+    assert "the tree is worth 0.250 nat, the best one 0.500 nat" in text
     assert len(re.findall(r'points="([^"]*)"', text)[0].split()) == 2
 
 
