@@ -55,7 +55,7 @@ class Study(Protocol):
         ...
 
 
-STUDIES: dict[str, str] = {"trees": "studies.trees"}
+STUDIES: dict[str, str] = {"paper": "studies.paper", "trees": "studies.trees"}
 """Name of a study -> the module that is it."""
 
 

@@ -1,0 +1,44 @@
+"""Intervals and tests against numbers that are known without them."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from studies.inference import RESAMPLES, mean_interval, paired_p_value, ratio_of_sums
+
+
+def test_ratio_of_sums_weighs_runs_by_their_goals():
+    assert ratio_of_sums([100.0, 900.0], [1.0, 9.0]).estimate == 100.0
+    assert ratio_of_sums([100.0, 100.0], [1.0, 4.0]).estimate == 40.0
+
+
+def test_interval_of_equal_runs_has_no_width():
+    assert mean_interval([3.0] * 7) == (3.0, 3.0, 3.0)
+
+
+def test_interval_of_the_mean_covers_the_truth_about_as_often_as_it_says():
+    rng = np.random.default_rng(5)
+    covered = 0
+    for _ in range(60):
+        interval = mean_interval(rng.normal(10.0, 2.0, size=30).tolist())
+        covered += interval.low <= 10.0 <= interval.high
+    assert 50 <= covered <= 60
+
+
+def test_p_value_is_that_of_all_sign_flips():
+    ours, theirs = [1.0, 2.5, 0.5, 4.0, 2.0, 3.0], [0.0, 2.0, 1.0, 2.0, 1.0, 2.5]
+    differences = np.array(ours) - np.array(theirs)
+    flips = [abs(np.mean(differences * signs)) for signs in product((-1, 1), repeat=6)]
+    exact = np.mean([flip >= abs(differences.mean()) - 1e-12 for flip in flips])
+    assert paired_p_value(ours, theirs) == pytest.approx(exact, abs=0.02)
+
+
+def test_p_value_of_no_difference_is_one_and_is_never_zero():
+    assert paired_p_value([1.0, 2.0], [1.0, 2.0]) == 1.0
+    assert paired_p_value([float(i) for i in range(40)], [100.0] * 40) == pytest.approx(1 / (RESAMPLES + 1))
+
+
+def test_the_same_runs_give_the_same_numbers():
+    steps, goals = [310.0, 700.0, 520.0], [1.0, 2.0, 1.0]
+    assert ratio_of_sums(steps, goals) == ratio_of_sums(steps, goals)
+    assert paired_p_value(steps, goals) == paired_p_value(steps, goals)
