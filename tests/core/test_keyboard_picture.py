@@ -131,7 +131,6 @@ def test_the_whole_page_fits_and_shows_state_and_keys(behavior: str, size: tuple
 
 def test_a_page_of_a_replay_shows_the_command() -> None:
     world = world_with()
-    from fbql_common.core.types import WheelCommand
 
     side = replay_side("ball_seeking", observation_of("ball_seeking"), 2, 5, world, WheelCommand(1, 0, 0, 12.57, -6.29))
     text = "\n".join(plain(page(world, side, "", 80, 24, False)))
