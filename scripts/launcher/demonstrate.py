@@ -31,13 +31,14 @@ from launcher.keyboard.show import show
 from launcher.keyboard.terminal import trouble_with_terminal
 from launcher.observations import add_observation_option, know_observations
 from launcher.options import Parser
+from launcher.panel import print_result
 from launcher.places import new_path
 
 PROGRAM = "demonstrate.py"
 SCRIPTED_SEED = 1
 SLOWEST, FASTEST = 0.01, 100.0
 """Bounds of --realtime."""
-_DONE, _FAILED, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130
+_DONE, _FAILED, _BAD_INPUT, _INCOMPLETE, _INTERRUPTED = 0, 1, 2, 3, 130
 
 
 def main(argv: Sequence[str]) -> int:
@@ -76,7 +77,7 @@ def _by_script(arguments: argparse.Namespace) -> int:
     details = {"seed": seed, "habits": asdict(Habits())}
     origin = Origin("scripted", simulation_of(behavior), seeds, details)
     if not save_demonstrations(out, behavior, demonstrations, about_origins([origin])):
-        return _FAILED
+        return _INCOMPLETE
     _tell(arguments, behavior, demonstrations, out)
     return _DONE
 
@@ -104,7 +105,7 @@ def _merge(arguments: argparse.Namespace) -> int:
     out = arguments.out or new_path(f"demonstrations-{behavior}-merged")
     know_observations([], [behavior])
     if not save_demonstrations(out, behavior, demonstrations, about_origins(origins)):
-        return _FAILED
+        return _INCOMPLETE
     _tell(arguments, behavior, demonstrations, out)
     return _DONE
 
@@ -149,7 +150,7 @@ def _tell(
     print(f"{len(demonstrations)} demonstration{several}, {patterns} patterns: {path}", file=sys.stderr)
     if arguments.json:
         result = {"demonstrations": len(demonstrations), "patterns": patterns, "path": str(path), **(more or {})}
-        print(json.dumps(result))
+        print_result(json.dumps(result))
     else:
         print(f"Next: python3 scripts/induce.py {behavior} --demos {path}", file=sys.stderr)
 

@@ -31,6 +31,7 @@ from launcher.instruct import instruct
 from launcher.make_trees import DEMONSTRATION_SEED, INDUCTION_SEED
 from launcher.observations import add_observation_option, know_observations
 from launcher.options import Parser
+from launcher.panel import print_result
 from launcher.places import new_path
 
 PROGRAM = "induce.py"
@@ -90,7 +91,7 @@ def _induce(arguments: argparse.Namespace) -> int:
     except OSError as error:
         print(f"{PROGRAM}: {error.filename or path}: cannot be written ({error.strerror})", file=sys.stderr)
         return _FAILED
-    print(json.dumps(result) if arguments.json else _worded(result))
+    print_result(json.dumps(result) if arguments.json else _worded(result))
     return _DONE
 
 

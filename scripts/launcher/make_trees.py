@@ -19,6 +19,7 @@ from fbql_common.core.errors import BadInput
 
 from launcher.instruct import instruct
 from launcher.options import ROOT, Parser
+from launcher.panel import print_result
 
 PROGRAM = "make_trees.py"
 DEMONSTRATION_SEED = 1
@@ -53,5 +54,5 @@ def main(argv: Sequence[str]) -> int:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return 2
     if arguments.json:
-        print(json.dumps(made))
+        print_result(json.dumps(made))
     return 0

@@ -82,9 +82,9 @@ def load_recordings(path: Path) -> Iterator[Recording]:
         except InvalidMagic:
             raise BadInput(f"{file}: not an MCAP recording") from None
         except EndOfFile:
-            raise BadInput(f"{file}: truncated; repair it with recover.py, or record again") from None
+            raise BadInput(f"{file}: truncated; record it again") from None
         except (McapError, CRCValidationError, ZstdError, StructError, UnicodeDecodeError) as error:
-            raise BadInput(f"{file}: damaged ({error}); repair it with recover.py, or record again") from None
+            raise BadInput(f"{file}: damaged ({error}); record it again") from None
         steps += sum(len(demonstration.worlds) for demonstration in demonstrations)
         yield Recording(file, about.pop(BEHAVIOR_KEY, ""), demonstrations, about)
 
