@@ -207,7 +207,7 @@ def divergence_figure(lesson: Lesson) -> Figure:
 
 
 def trials_figure(methods: Mapping[str, Mapping[int, Any]]) -> Figure:
-    """Value, held-out error and cost of a goal against trials, with hopes and without, and the exact optimum."""
+    """Value, held-out error and play against trials, with optimism and from Q = 0, and the exact optimum."""
     figure, axes = _panels(4, rows=2, height=5.2, width=11.0)
     places = [*TRIALS, 4 * max(TRIALS)]
     for row, key, label in zip(axes.reshape(2, 4), ("value", "rmse_levels"), ("value / optimum", "held-out error [levels]"), strict=True):  # fmt: skip
@@ -258,7 +258,9 @@ def _none() -> Any:
 
 
 def _lines() -> list[tuple[str, str, str]]:
-    return [(objective, ending, style) for objective in OBJECTIVES for ending, style in (("", "-"), (", no hope", ":"))]
+    return [
+        (objective, ending, style) for objective in OBJECTIVES for ending, style in (("", "-"), (", Q from 0", ":"))
+    ]
 
 
 def _names(objective: str, ending: str) -> list[str]:

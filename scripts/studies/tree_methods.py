@@ -133,17 +133,17 @@ def _of_objective(objective: str) -> dict[str, Method]:
     return {**by_trials, f"{objective} dp": partial(induced, objective=objective, method="dp")}
 
 
-def _without_hope(objective: str) -> dict[str, Method]:
+def _from_0(objective: str) -> dict[str, Method]:
     """Q begins at 0; only chance explores: all of the first trial's actions are random, none of the last one's."""
     usual = partial(induced, objective=objective, optimism=0.0, epsilon_start=1.0, epsilon_end=0.0)
-    return {f"{objective} rl {n}, no hope": partial(usual, trials=n) for n in TRIALS}
+    return {f"{objective} rl {n}, Q from 0": partial(usual, trials=n) for n in TRIALS}
 
 
 FAMILIES: Mapping[str, Mapping[str, Method]] = {
     "weighted": _of_objective("weighted"),
     "printed": _of_objective("printed"),
-    "weighted-no-hope": _without_hope("weighted"),
-    "printed-no-hope": _without_hope("printed"),
+    "weighted-from-0": _from_0("weighted"),
+    "printed-from-0": _from_0("printed"),
     "others": {
         "weighted dp, printed's limits": within_printed_limits,
         "cart": lambda lesson: cart(lesson, lesson.equal_leaves),

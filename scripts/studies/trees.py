@@ -37,6 +37,7 @@ from studies.tree_methods import (
     setting,
 )
 from studies.tree_play import FIXED_ONLY, PRESETS, PRESETS_ONLY, RETUNED, SETTINGS, Score, retuned, score
+from studies.tree_words import tables, title_of
 
 DESCRIPTION = "trees from demonstrations: objectives, trials and other methods, by held-out error and by play"
 FIRST_SEED = 1001
@@ -47,6 +48,8 @@ BANDS = {"ball_seeking": (95, 135), "wall_avoiding": (7, 15), "approaching": (30
 """Leaf counts round the paper's 122, 11 and 37."""
 SHIPPED = "weighted rl 50"
 """The method of the trees that ship, which the others are compared with."""
+CARTS = ("cart", "cart by entropy")
+"""The methods that errors are compared with, at as many leaves as the exact tree of the weighted objective."""
 SPLIT_COSTS = (0.0, 0.001, 0.002, 0.004, 0.006, 0.01, 0.015, 0.025, 0.04, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.6)
 LEAF_COUNTS = (2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64, 91, 128, 181, 256)
 
@@ -174,7 +177,7 @@ def _tree_row(lesson: Lesson, method: str, grown: Grown) -> Row:
 
 def _settings(method: str) -> tuple[str, ...]:
     """Which thresholds a method's trees are played with; trees that hardly score are not worth tuning for."""
-    if method.endswith("no hope"):
+    if method.endswith("Q from 0"):
         return FIXED_ONLY
     return PRESETS_ONLY if method.endswith((" rl 5", " rl 20", "one leaf")) else SETTINGS
 
@@ -187,7 +190,7 @@ def _played(trees: Mapping[str, Tree], name: str, seed: int, episodes: int) -> R
 def table(results: Mapping[str, Result]) -> list[Row]:
     """Three tables: each method's trees, what they are worth in play, and the leaf counts of the known seeds."""
     by_method = methods_of(results)
-    rows = [_tree_summary(method, behavior, by_method[method]) for method in by_method for behavior in RECIPES]
+    rows = [_tree_summary(method, behavior, by_method) for method in by_method for behavior in RECIPES]
     rows += [
         _play_summary(method, name, by_method) for name in SETTINGS for method in by_method if name in _settings(method)
     ]
@@ -206,8 +209,9 @@ def methods_of(results: Mapping[str, Result]) -> dict[str, dict[int, dict[str, A
     return {method: by_seed for method, by_seed in found.items() if by_seed}
 
 
-def _tree_summary(method: str, behavior: str, by_seed: Mapping[int, Any]) -> Row:
+def _tree_summary(method: str, behavior: str, by_method: Mapping[str, Mapping[int, Any]]) -> Row:
     """Medians over the seeds, and the error's range."""
+    by_seed = by_method[method]
 
     def of(name: str) -> list[float]:
         values = (each["trees"][behavior][name] for each in by_seed.values())
@@ -226,10 +230,22 @@ def _tree_summary(method: str, behavior: str, by_seed: Mapping[int, Any]) -> Row
         "rmse_high": max(errors),
         "rmse_rad_s": rad_s_of(median(errors)),
         "rmse_training": median(of("rmse_training")),
+        **{f"rmse_to_{name.replace(' ', '_')}": _error_to(name, method, behavior, by_method) for name in CARTS},
         "value_to_dp": median(of("value")) if of("value") else None,
         "belief_to_dp": median(of("belief")) if of("belief") else None,
         "seconds": median(each["seconds"][behavior] for each in by_seed.values()),
     }
+
+
+def _error_to(other: str, method: str, behavior: str, by_method: Mapping[str, Mapping[int, Any]]) -> float | None:
+    """The held-out error over that of another method with the same seed, the median over the seeds."""
+    theirs = by_method.get(other, {})
+    ratios = [
+        each["trees"][behavior]["rmse_levels"] / theirs[seed]["trees"][behavior]["rmse_levels"]
+        for seed, each in by_method[method].items()
+        if seed in theirs
+    ]
+    return median(ratios) if ratios else None
 
 
 def _play_summary(method: str, name: str, by_method: Mapping[str, Mapping[int, Any]]) -> Row:
@@ -295,7 +311,9 @@ def _band(objective: str, behavior: str, leaves: Sequence[int]) -> Row:
 
 
 def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
-    """The figures of docs/trees.md."""
+    """The figures of docs/trees.md, and its tables."""
     from studies.tree_figures import draw_all
 
-    return draw_all(results, directory)
+    text = "\n\n".join(f"{title_of(name)}\n\n{each}" for name, each in tables(table(results)).items())
+    (directory / "tables.md").write_text(f"{text}\n")
+    return [*draw_all(results, directory), directory / "tables.md"]

@@ -89,7 +89,7 @@ def test_a_study_of_nothing_is_refused(name: str) -> None:
 def test_the_study_makes_plays_and_draws_trees_twice_the_same(tmp_path: Path) -> None:
     results: dict[str, Any] = {"known-seeds": trees.run({"part": "known"})}
     results["1001-sizes"] = trees.run({"part": "sizes", "seed": 1001})
-    for family in ("weighted", "printed", "weighted-no-hope", "printed-no-hope", "others"):
+    for family in ("weighted", "printed", "weighted-from-0", "printed-from-0", "others"):
         for seed in (1001, 1002) if family in ("weighted", "others") else (1001,):
             parameters = {"part": family, "seed": seed, "episodes": 1, "pystreed": None}
             results[f"{seed}-{family}"] = trees.run(parameters)
@@ -113,7 +113,8 @@ def test_the_study_makes_plays_and_draws_trees_twice_the_same(tmp_path: Path) ->
     assert {row["episodes"] for row in played if row["method"] == "one leaf"} == {2}
     assert all(row["n"] == 2 for row in rows if "band" in row)
 
-    files = trees.figures(results, tmp_path)
+    *files, text = trees.figures(results, tmp_path)
+    assert "| weighted rl 50 |" in text.read_text()
     assert {file.name for file in files} == {
         f"trees_{name}.svg"
         for name in ("patterns", "partition", "divergence", "leaf_counts", "sizes", "trials", "play")
