@@ -1,0 +1,215 @@
+"""What a behavior practises: rewards, ends and costs of courses, as pure functions of world states.
+
+Rewards are counted in steps. They pay for progress, not only for arriving, so that every leaf on the way learns whether
+it helps: summed over a course they are minus the steps lost against driving at full speed. An `Environment` is whatever
+can be reset and stepped; whoever composes a program brings it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import acos, cos, hypot, sqrt
+from typing import NamedTuple, Protocol
+
+from fbql_common.core.errors import BadInput
+from fbql_common.core.field import BALL_RADIUS_M, MAX_WHEEL_RAD_S, ROBOT_SIDE_M, WHEEL_RADIUS_M
+from fbql_common.core.geometry import approach_angle, ball_distance_and_bearing, wall_distance_and_bearing
+from fbql_common.core.types import World
+
+from fbql_behaviors.core.observation import DETOUR_RADIUS_M, observation_of
+from fbql_behaviors.core.tree import Tree
+
+FULL_SPEED_M_S = MAX_WHEEL_RAD_S * WHEEL_RADIUS_M
+TOUCH_M = hypot(ROBOT_SIDE_M / 2, ROBOT_SIDE_M / 2) + BALL_RADIUS_M
+"""Distance of the ball from the robot's centre at which the robot, whichever way it stands, may touch it [m]."""
+FACING_STEPS = 12.0
+"""What facing the ball better by a radian is worth [steps]: turning by it takes about so long."""
+NEAR_WALL_M = 0.2
+"""Distance up to which getting away from a wall is progress [m]."""
+CONTACT_STEPS = 10.0
+"""Cost of a step in contact with a wall [steps]."""
+TAKE_OVER_M = 0.1
+"""Distance to a wall below which wall avoiding drives in the wandering exercise [m]."""
+WANDER_RAD_S = 60.0
+"""Wheel velocity of the blind driver in the wandering exercise [rad/s]: as fast as the behaviors drive."""
+BEHIND_M = 0.15
+"""Distance of the ball below which the robot may stand behind it [m]: just off the detour."""
+BEHIND_RAD = 0.3
+"""|psi| below which it then does, in line with the goal [rad]."""
+AHEAD_RAD = 0.3
+"""|bearing| below which the robot has the ball ahead [rad]."""
+OWN_GOAL_STEPS = 300.0
+"""Cost of an own goal [steps]: it must not pay to end a course that way."""
+
+Command = tuple[float, float]
+"""Wheel velocities, left and right [rad/s]."""
+
+
+class Environment(Protocol):
+    """A world to practise in."""
+
+    def reset(self, seed: int) -> World:
+        """Begins a course; the seed decides where, and every disturbance."""
+        ...
+
+    def step(self, left_rad_s: float, right_rad_s: float, /) -> World:
+        """Drives the wheels for one step [rad/s] and returns the next world."""
+        ...
+
+
+class Course(NamedTuple):
+    """One course, driven to its end."""
+
+    steps: int
+    arrived: bool
+    collisions_begun: int
+    collision_steps: int
+    travelled_m: float
+
+
+@dataclass(frozen=True)
+class Exercise:
+    """What a behavior practises, and how it is measured."""
+
+    reward: Callable[[World, World, float], float]
+    """The reward of going from a world to the next one [steps], given the duration of a step [s]."""
+    arrived: Callable[[World], bool]
+    """Whether the course has come to its end: nothing follows."""
+    max_steps: int
+    """Steps after which a course is truncated: it would have gone on."""
+    cost: Callable[[Course], float]
+    """What a course cost; the less the better. A tree's measure is the mean over courses."""
+    measure: str
+    """What that mean is, with its unit."""
+    other_driver: Callable[[World], Command | None]
+    """What somebody else commands where the behavior does not drive; None where it does."""
+
+
+def ball_seeking_reward(world: World, next_world: World, dt_s: float) -> float:
+    """Distance to the ball gained, in steps at full speed, and bearing gained, less the step itself."""
+    distance_m, bearing_rad = ball_distance_and_bearing(world)
+    next_distance_m, next_bearing_rad = ball_distance_and_bearing(next_world)
+    return (
+        (distance_m - next_distance_m) / (FULL_SPEED_M_S * dt_s)
+        + FACING_STEPS * (abs(bearing_rad) - abs(next_bearing_rad))
+        - 1.0
+    )
+
+
+def reaches_ball(world: World) -> bool:
+    """Whether the ball is so near that the robot may touch it."""
+    return ball_distance_and_bearing(world)[0] <= TOUCH_M
+
+
+def wall_avoiding_reward(world: World, next_world: World, dt_s: float) -> float:
+    """Way driven and, near a wall, distance from it gained, in steps at full speed, less the cost of contact."""
+    way_m = hypot(next_world.robot_x_m - world.robot_x_m, next_world.robot_y_m - world.robot_y_m)
+    distance_m = min(wall_distance_and_bearing(world)[0], NEAR_WALL_M)
+    next_distance_m = min(wall_distance_and_bearing(next_world)[0], NEAR_WALL_M)
+    return (way_m + next_distance_m - distance_m) / (FULL_SPEED_M_S * dt_s) - CONTACT_STEPS * next_world.collision
+
+
+def blind_driver(world: World) -> Command | None:
+    """Drives straight on at full tilt until a wall is near: there wall avoiding has to take over, as in a match."""
+    if wall_distance_and_bearing(world)[0] < TAKE_OVER_M:
+        return None
+    return WANDER_RAD_S, WANDER_RAD_S
+
+
+def way_behind_ball(distance_m: float, psi_rad: float) -> float:
+    """The shortest way [m] to the place behind the ball, which is `DETOUR_RADIUS_M` from it, round a circle of that radius.
+
+    From where the circle hides the place the way is the tangent to the circle, on which psi turns by
+    acos(radius / distance), and an arc by what is left of psi. From inside of the circle it is out, and the arc.
+    """
+    radius_m, psi_rad = DETOUR_RADIUS_M, abs(psi_rad)
+    if distance_m <= radius_m:
+        return radius_m - distance_m + radius_m * psi_rad
+    hidden_rad = acos(radius_m / distance_m)
+    if psi_rad <= hidden_rad:
+        return sqrt(max(distance_m**2 + radius_m**2 - 2.0 * distance_m * radius_m * cos(psi_rad), 0.0))
+    return sqrt(distance_m**2 - radius_m**2) + radius_m * (psi_rad - hidden_rad)
+
+
+def approaching_reward(world: World, next_world: World, dt_s: float) -> float:
+    """Way behind the ball gained, in steps at full speed, less the step itself and the cost of an own goal."""
+    gained_m = _way_behind_ball(world) - _way_behind_ball(next_world)
+    return gained_m / (FULL_SPEED_M_S * dt_s) - 1.0 - OWN_GOAL_STEPS * next_world.own_goal
+
+
+def _way_behind_ball(world: World) -> float:
+    return way_behind_ball(ball_distance_and_bearing(world)[0], approach_angle(world))
+
+
+def stands_behind_ball(world: World) -> bool:
+    """Whether the robot stands behind the ball, in line with the goal, and has it ahead; or the ball is in already."""
+    distance_m, bearing_rad = ball_distance_and_bearing(world)
+    is_there = distance_m < BEHIND_M and abs(approach_angle(world)) < BEHIND_RAD and abs(bearing_rad) < AHEAD_RAD
+    return is_there or world.goal
+
+
+def _never(_: World) -> bool:
+    return False
+
+
+def _nobody(_: World) -> None:
+    return None
+
+
+def steps_to_arrive(max_steps: int) -> Callable[[Course], float]:
+    """The cost of a course that should arrive: its steps, and as many as there may be when it did not."""
+    return lambda course: float(course.steps if course.arrived else max_steps)
+
+
+def contact_per_1000_steps(course: Course) -> float:
+    """The cost of a course that should not touch a wall."""
+    return 1000.0 * course.collision_steps / course.steps
+
+
+EXERCISES: dict[str, Exercise] = {
+    "ball_seeking": Exercise(
+        ball_seeking_reward, reaches_ball, 600, steps_to_arrive(600), "steps to the ball", _nobody
+    ),
+    "wall_avoiding": Exercise(
+        wall_avoiding_reward, _never, 1000, contact_per_1000_steps, "contact steps per 1000 steps", blind_driver
+    ),
+    "approaching": Exercise(
+        approaching_reward, stands_behind_ball, 600, steps_to_arrive(600), "steps until behind the ball", _nobody
+    ),
+}
+"""Behavior name -> what it practises."""
+
+
+def exercise_of(behavior: str) -> Exercise:
+    """The exercise of a behavior. Raises BadInput, naming those that have one, when there is none."""
+    try:
+        return EXERCISES[behavior]
+    except KeyError:
+        raise BadInput(
+            f"behavior '{behavior}' has no exercise to be tuned with; there is one for: {', '.join(sorted(EXERCISES))}"
+        ) from None
+
+
+def drive(tree: Tree, exercise: Exercise, environment: Environment, seed: int) -> Course:
+    """Drives one course by a tree as it is."""
+    sense = observation_of(tree.behavior).sense
+    world = environment.reset(seed)
+    steps = collisions_begun = collision_steps = 0
+    travelled_m = 0.0
+    arrived = exercise.arrived(world)
+    while not (arrived or world.ended or steps == exercise.max_steps):
+        left, right = exercise.other_driver(world) or tree.answer(sense(world))[1:]
+        next_world = environment.step(left, right)
+        steps += 1
+        collisions_begun += next_world.collision_begun
+        collision_steps += next_world.collision
+        travelled_m += hypot(next_world.robot_x_m - world.robot_x_m, next_world.robot_y_m - world.robot_y_m)
+        world = next_world
+        arrived = exercise.arrived(world)
+    return Course(steps, arrived, collisions_begun, collision_steps, travelled_m)
+
+
+def measured(courses: Sequence[Course], exercise: Exercise) -> float:
+    """The measure of a tree: the mean cost of its courses."""
+    return sum(exercise.cost(course) for course in courses) / len(courses)
