@@ -179,9 +179,9 @@ def test_more_features_are_cut_in_pairs_and_one_makes_a_strip(d: int, panels: in
 
 def test_a_cut_shows_the_leaves_that_it_goes_through() -> None:
     features = tuple(Feature(f"x{k}", "m", 0.0, 1.0) for k in range(3))
-    tree = Tree("any", features, (Split(2, 0.4, 1, 2), 0, 1), (Leaf(1.0, 1.0, 1), Leaf(9.0, -9.0, 1)))
+    tree = Tree("any", features, (Split(2, 0.5, 1, 2), 0, 1), (Leaf(1.0, 1.0, 1), Leaf(9.0, -9.0, 1)))
     titles = [rectangle[0].text or "" for rectangle in rectangles(partition_svg(tree))]
-    # x0 x1 goes through the leaf of x2 = 0.5; the other two cuts show both leaves
+    # x0 x1 goes through the leaf of x2 = 0.5, which is the right one; the other two cuts show both leaves
     assert [title.split(":")[0] for title in titles] == ["leaf 1", "leaf 0", "leaf 1", "leaf 0", "leaf 1"]
 
 
