@@ -115,9 +115,10 @@ def test_a_result_of_nothing_is_told_without_numbers() -> None:
 
 
 def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None:
-    assert "--controller fbql_literal\n" in next_steps(SUMMARY, tmp_path)
+    assert "--controller fbql_literal --episodes 30\n" in next_steps(SUMMARY, tmp_path)
     assert f"ros2 bag info {tmp_path}" in next_steps(SUMMARY, tmp_path)
-    assert "ros2 bag" not in next_steps({**SUMMARY, "messages_recorded": 0}, tmp_path)
+    for nothing_whole in ({"messages_recorded": 0}, {"incomplete": True}):
+        assert "ros2 bag" not in next_steps({**SUMMARY, **nothing_whole}, tmp_path)
     (tmp_path / "policy.npz").touch()
     learned = next_steps({**SUMMARY, "controller": "fbql_literal"}, tmp_path)
     assert f"--controller fbql_literal --policy {tmp_path}/policy.npz" in learned
