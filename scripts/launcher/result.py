@@ -28,7 +28,7 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float) -> str:
         ("a goal cost", _number(cost), cost_text),
         ("collisions", summary["collisions_begun"], f"with a wall, {summary['collision_steps']} steps in contact"),
         ("played", summary["steps"], f"steps{_pace(summary, dt_s)}"),
-        ("digest", summary["digest"][:8], "of every step; in lockstep the match again gives the same"),
+        ("digest", summary["digest"][:8], "of every step; the same match in lockstep has the same"),
         ("recording", recorded or "none", f"{'messages in ' if recorded else ''}{run}"),
     ]
     if summary["incomplete"]:
