@@ -15,7 +15,7 @@ from fbql_behaviors.core.exercises import (
     TAKE_OVER_M,
     TOUCH_M,
     WANDER_RAD_S,
-    Course,
+    Episode,
     approaching_reward,
     ball_seeking_reward,
     blind_driver,
@@ -137,19 +137,19 @@ def test_behind_the_ball_is_near_in_line_with_the_goal_and_facing_it(fields: dic
     assert stands_behind_ball(world(**fields)) is is_there
 
 
-def test_a_course_that_does_not_arrive_costs_all_its_steps() -> None:
+def test_an_episode_that_does_not_arrive_costs_all_its_steps() -> None:
     cost = steps_to_arrive(600)
-    assert cost(Course(70, True, 0, 0, 1.0)) == 70.0
-    assert cost(Course(70, False, 0, 0, 1.0)) == 600.0
+    assert cost(Episode(70, True, 0, 0, 1.0)) == 70.0
+    assert cost(Episode(70, False, 0, 0, 1.0)) == 600.0
 
 
 def test_contact_is_counted_per_1000_steps() -> None:
-    assert contact_per_1000_steps(Course(500, False, 2, 13, 1.0)) == 26.0
+    assert contact_per_1000_steps(Episode(500, False, 2, 13, 1.0)) == 26.0
 
 
 def test_the_measure_is_the_mean_cost() -> None:
-    courses = [Course(70, True, 0, 0, 1.0), Course(30, False, 0, 0, 1.0)]
-    assert measured(courses, exercise_of("ball_seeking")) == 335.0
+    episodes = [Episode(70, True, 0, 0, 1.0), Episode(30, False, 0, 0, 1.0)]
+    assert measured(episodes, exercise_of("ball_seeking")) == 335.0
 
 
 def test_a_behavior_without_an_exercise_is_refused_with_those_that_have_one() -> None:
@@ -176,11 +176,11 @@ class Still:
         )
 
 
-def test_a_course_ends_where_it_arrives() -> None:
+def test_an_episode_ends_where_it_arrives() -> None:
     environment = Still(steps=4)
-    assert drive(STOP, exercise_of("ball_seeking"), environment, 0) == Course(4, True, 1, 2, 0.0)
+    assert drive(STOP, exercise_of("ball_seeking"), environment, 0) == Episode(4, True, 1, 2, 0.0)
     assert environment.commands == [(0.0, 0.0)] * 4
 
 
-def test_a_course_that_does_not_arrive_is_truncated() -> None:
+def test_an_episode_that_does_not_arrive_is_truncated() -> None:
     assert drive(STOP, exercise_of("ball_seeking"), Still(steps=9999), 0).steps == 600

@@ -74,9 +74,9 @@ def exercise(
 
 
 GREEDY = TuningParameters(
-    courses=1, discount=0.5, credit_steps=1, hold_steps=1, learning_rate=1.0, epsilon_start=0.0, epsilon_end=0.0
+    episodes=1, discount=0.5, credit_steps=1, hold_steps=1, learning_rate=1.0, epsilon_start=0.0, epsilon_end=0.0
 )
-"""One course without a random decision; every step is a decision of its own, and every update replaces Q."""
+"""One episode without a random decision; every step is a decision of its own, and every update replaces Q."""
 
 
 def learned(parameters: TuningParameters, practised: Exercise) -> float:
@@ -113,10 +113,10 @@ def test_the_step_size_is_that_of_the_mean_until_the_rate_is_reached() -> None:
     assert [step_size(0.3, n) for n in (1, 2, 3, 4)] == [1.0, 0.5, pytest.approx(1 / 3), 0.3]
 
 
-def test_epsilon_falls_in_a_line_from_the_first_course_to_the_last() -> None:
-    parameters = TuningParameters(courses=5, epsilon_start=0.9, epsilon_end=0.1)
+def test_epsilon_falls_in_a_line_from_the_first_episode_to_the_last() -> None:
+    parameters = TuningParameters(episodes=5, epsilon_start=0.9, epsilon_end=0.1)
     assert [epsilon_of(parameters, k) for k in range(5)] == pytest.approx([0.9, 0.7, 0.5, 0.3, 0.1])
-    assert epsilon_of(replace(parameters, courses=1), 0) == 0.9
+    assert epsilon_of(replace(parameters, episodes=1), 0) == 0.9
 
 
 # Actions
@@ -155,7 +155,7 @@ def test_after_arriving_nothing_follows() -> None:
     assert learned(GREEDY, exercise(arrived_at=3)) == 1.0
 
 
-def test_a_truncated_course_would_have_gone_on() -> None:
+def test_a_truncated_episode_would_have_gone_on() -> None:
     # As above, but the last step goes on from Q = 1.5: 1 + 1.5/2.
     assert learned(GREEDY, exercise(max_steps=3)) == 1.75
 
@@ -204,7 +204,7 @@ def test_while_another_drives_its_steps_count_for_the_last_decision() -> None:
 
 
 def test_on_a_rail_every_leaf_learns_to_drive_faster() -> None:
-    parameters = TuningParameters(courses=150, discount=0.9, credit_steps=1, hold_steps=10, min_updates=5)
+    parameters = TuningParameters(episodes=150, discount=0.9, credit_steps=1, hold_steps=10, min_updates=5)
     tuned = tune(NEAR_AND_FAR, exercise_of("ball_seeking"), Rail(), DT_S, parameters, 1)
     assert tuned.leaves_changed == 2
     for leaf, before in zip(tuned.tree.leaves, NEAR_AND_FAR.leaves, strict=True):
@@ -216,7 +216,7 @@ def test_on_a_rail_every_leaf_learns_to_drive_faster() -> None:
 
 
 def test_a_tuned_tree_is_a_tree_of_its_own_that_names_the_one_it_came_from(tmp_path: Path) -> None:
-    parameters = TuningParameters(courses=3, min_updates=100)
+    parameters = TuningParameters(episodes=3, min_updates=100)
     tuned = tune(NEAR_AND_FAR, exercise_of("ball_seeking"), Rail(), DT_S, parameters, 8)
     tree = tuned.tree
     assert tuned.leaves_changed == 0
@@ -224,14 +224,14 @@ def test_a_tuned_tree_is_a_tree_of_its_own_that_names_the_one_it_came_from(tmp_p
     assert tree.hash != NEAR_AND_FAR.hash
     assert tree.origin["tuned_from"] == NEAR_AND_FAR.hash
     assert tree.origin["tuned_from_origin"] == {"method": "rl"}
-    assert (tree.origin["method"], tree.origin["seed"], tree.origin["courses"]) == ("leaf_tuning", 8, 3)
+    assert (tree.origin["method"], tree.origin["seed"], tree.origin["episodes"]) == ("leaf_tuning", 8, 3)
     save_tree(tmp_path / "tuned.json", tree)
     assert load_tree(tmp_path / "tuned.json").hash == tree.hash
 
 
 def test_the_same_seed_tunes_the_same_tree_and_another_one_another() -> None:
     def tuned(seed: int) -> tuple[str, tuple[tuple[float, ...], ...]]:
-        found = tune(NEAR_AND_FAR, exercise_of("ball_seeking"), Rail(), DT_S, TuningParameters(courses=10), seed)
+        found = tune(NEAR_AND_FAR, exercise_of("ball_seeking"), Rail(), DT_S, TuningParameters(episodes=10), seed)
         return found.tree.hash, found.q
 
     assert tuned(3) == tuned(3)
@@ -241,7 +241,7 @@ def test_the_same_seed_tunes_the_same_tree_and_another_one_another() -> None:
 @pytest.mark.parametrize(
     ("values", "what"),
     [
-        ({"courses": 0}, "'courses' is 0"),
+        ({"episodes": 0}, "'episodes' is 0"),
         ({"discount": 1.5}, "'discount' is 1.5"),
         ({"epsilon_start": float("nan")}, "'epsilon_start' is nan"),
         ({"max_change": 6}, "'max_change' is 6"),

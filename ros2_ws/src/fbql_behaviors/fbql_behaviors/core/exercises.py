@@ -1,7 +1,7 @@
-"""What a behavior practises: rewards, ends and costs of courses, as pure functions of world states.
+"""What a behavior practises: rewards, ends and costs of episodes, as pure functions of world states.
 
 Rewards are counted in steps. They pay for progress, not only for arriving, so that every leaf on the way learns whether
-it helps: summed over a course they are minus the steps lost against driving at full speed. An `Environment` is whatever
+it helps: summed over an episode they are minus the steps lost against driving at full speed. An `Environment` is whatever
 can be reset and stepped; whoever composes a program brings it.
 """
 
@@ -40,7 +40,7 @@ BEHIND_RAD = 0.3
 AHEAD_RAD = 0.3
 """|bearing| below which the robot has the ball ahead [rad]."""
 OWN_GOAL_STEPS = 300.0
-"""Cost of an own goal [steps]: it must not pay to end a course that way."""
+"""Cost of an own goal [steps]: it must not pay to end an episode that way."""
 
 Command = tuple[float, float]
 """Wheel velocities, left and right [rad/s]."""
@@ -50,7 +50,7 @@ class Environment(Protocol):
     """A world to practise in."""
 
     def reset(self, seed: int) -> World:
-        """Begins a course; the seed decides where, and every disturbance."""
+        """Begins an episode; the seed decides where, and every disturbance."""
         ...
 
     def step(self, left_rad_s: float, right_rad_s: float, /) -> World:
@@ -58,8 +58,8 @@ class Environment(Protocol):
         ...
 
 
-class Course(NamedTuple):
-    """One course, driven to its end."""
+class Episode(NamedTuple):
+    """One episode, driven to its end."""
 
     steps: int
     arrived: bool
@@ -75,11 +75,11 @@ class Exercise:
     reward: Callable[[World, World, float], float]
     """The reward of going from a world to the next one [steps], given the duration of a step [s]."""
     arrived: Callable[[World], bool]
-    """Whether the course has come to its end: nothing follows."""
+    """Whether the episode has come to its end: nothing follows."""
     max_steps: int
-    """Steps after which a course is truncated: it would have gone on."""
-    cost: Callable[[Course], float]
-    """What a course cost; the less the better. A tree's measure is the mean over courses."""
+    """Steps after which an episode is truncated: it would have gone on."""
+    cost: Callable[[Episode], float]
+    """What an episode cost; the less the better. A tree's measure is the mean over episodes."""
     measure: str
     """What that mean is, with its unit."""
     other_driver: Callable[[World], Command | None]
@@ -157,14 +157,14 @@ def _nobody(_: World) -> None:
     return None
 
 
-def steps_to_arrive(max_steps: int) -> Callable[[Course], float]:
-    """The cost of a course that should arrive: its steps, and as many as there may be when it did not."""
-    return lambda course: float(course.steps if course.arrived else max_steps)
+def steps_to_arrive(max_steps: int) -> Callable[[Episode], float]:
+    """The cost of an episode that should arrive: its steps, and as many as there may be when it did not."""
+    return lambda episode: float(episode.steps if episode.arrived else max_steps)
 
 
-def contact_per_1000_steps(course: Course) -> float:
-    """The cost of a course that should not touch a wall."""
-    return 1000.0 * course.collision_steps / course.steps
+def contact_per_1000_steps(episode: Episode) -> float:
+    """The cost of an episode that should not touch a wall."""
+    return 1000.0 * episode.collision_steps / episode.steps
 
 
 EXERCISES: dict[str, Exercise] = {
@@ -191,8 +191,8 @@ def exercise_of(behavior: str) -> Exercise:
         ) from None
 
 
-def drive(tree: Tree, exercise: Exercise, environment: Environment, seed: int) -> Course:
-    """Drives one course by a tree as it is."""
+def drive(tree: Tree, exercise: Exercise, environment: Environment, seed: int) -> Episode:
+    """Drives one episode by a tree as it is."""
     sense = observation_of(tree.behavior).sense
     world = environment.reset(seed)
     steps = collisions_begun = collision_steps = 0
@@ -207,9 +207,9 @@ def drive(tree: Tree, exercise: Exercise, environment: Environment, seed: int) -
         travelled_m += hypot(next_world.robot_x_m - world.robot_x_m, next_world.robot_y_m - world.robot_y_m)
         world = next_world
         arrived = exercise.arrived(world)
-    return Course(steps, arrived, collisions_begun, collision_steps, travelled_m)
+    return Episode(steps, arrived, collisions_begun, collision_steps, travelled_m)
 
 
-def measured(courses: Sequence[Course], exercise: Exercise) -> float:
-    """The measure of a tree: the mean cost of its courses."""
-    return sum(exercise.cost(course) for course in courses) / len(courses)
+def measured(episodes: Sequence[Episode], exercise: Exercise) -> float:
+    """The measure of a tree: the mean cost of its episodes."""
+    return sum(exercise.cost(episode) for episode in episodes) / len(episodes)

@@ -37,17 +37,24 @@ Change = tuple[int, int]
 class TuningParameters:
     """How the leaves of a tree are tuned."""
 
-    courses: int = parameter(2000, "courses that are driven", low=1, high=10_000_000)
+    episodes: int = parameter(4000, "episodes that are driven", low=1, high=10_000_000)
     max_change: int = parameter(1, "a leaf's levels change by at most so many", unit="levels", low=1, high=5)
     discount: float = parameter(1.0, "gamma, per step", low=0.0, high=1.0)
     credit_steps: int = parameter(40, "a decision is judged by what follows in at least so many steps", low=1)
     hold_steps: int = parameter(60, "in a leaf that is not left a decision is made again after so many steps", low=1)
-    learning_rate: float = parameter(
-        0.003, "alpha does not fall below; before that it is 1 / updates", low=0.0, high=1.0
-    )
-    epsilon_start: float = parameter(1.0, "share of random decisions in the first course", low=0.0, high=1.0)
-    epsilon_end: float = parameter(0.1, "share of random decisions in the last course", low=0.0, high=1.0)
+    learning_rate: float = parameter(0.003, "alpha does not fall below; before, it is 1 / updates", low=0.0, high=1.0)
+    epsilon_start: float = parameter(0.2, "share of random decisions in the first episode", low=0.0, high=1.0)
+    epsilon_end: float = parameter(0.05, "share of random decisions in the last episode", low=0.0, high=1.0)
     min_updates: int = parameter(20, "a change that was tried less often is not made", low=0)
+
+
+TUNINGS = {"wall_avoiding": TuningParameters(episodes=400, discount=0.99)}
+"""Settings of the behaviors that need others: an exercise without an end has long episodes, and needs a discount."""
+
+
+def tuning_of(behavior: str) -> TuningParameters:
+    """The setting of a behavior; the general one for a behavior without its own."""
+    return TUNINGS.get(behavior, TuningParameters())
 
 
 class Tuned(NamedTuple):
@@ -90,7 +97,7 @@ def smdp_target(rewards: Sequence[float], discount: float, next_value: float) ->
     """R + gamma^k V(c'), k being the number of rewards.
 
     Args:
-        next_value: max_b Q(c', b); 0 where the course has ended, for nothing follows. Where it was truncated it would have
+        next_value: max_b Q(c', b); 0 where the episode has ended, for nothing follows. Where it was truncated it would have
             gone on, so that the value of the leaf it was in counts.
     """
     return discounted_return(rewards, discount) + discount ** len(rewards) * next_value
@@ -106,9 +113,9 @@ def step_size(learning_rate: float, updates: int) -> float:
     return max(learning_rate, 1.0 / updates)
 
 
-def epsilon_of(parameters: TuningParameters, course: int) -> float:
-    """Share of random decisions in a course: linear from the first to the last one."""
-    progress = course / max(parameters.courses - 1, 1)
+def epsilon_of(parameters: TuningParameters, episode: int) -> float:
+    """Share of random decisions in an episode: linear from the first to the last one."""
+    progress = episode / max(parameters.episodes - 1, 1)
     return parameters.epsilon_start + (parameters.epsilon_end - parameters.epsilon_start) * progress
 
 
@@ -143,7 +150,7 @@ def tune(
 
     Args:
         dt_s: duration of a step of the environment [s].
-        progress: called after every course with the number of those driven.
+        progress: called after every episode with the number of those driven.
 
     Raises:
         BadInput: a parameter out of range, or a behavior without an observation.
@@ -152,9 +159,9 @@ def tune(
     if seed < 0:
         raise BadInput(f"leaf tuning: seed is {seed}; it must be at least 0")
     practice = _Practice(tree, exercise, environment, dt_s, parameters, np.random.default_rng(seed))
-    for course in range(parameters.courses):
-        practice.drive(epsilon_of(parameters, course))
-        progress(course + 1)
+    for episode in range(parameters.episodes):
+        practice.drive(epsilon_of(parameters, episode))
+        progress(episode + 1)
     changes = chosen_changes(practice.q, practice.updates, practice.changes, parameters.min_updates)
     leaves = tuple(changed(leaf, change) for leaf, change in zip(tree.leaves, changes, strict=True))
     origin = {
@@ -180,7 +187,7 @@ class _Decision(NamedTuple):
 
 
 class _Practice:
-    """Q, and the courses that it is learned in."""
+    """Q, and the episodes that it is learned in."""
 
     def __init__(
         self,
@@ -207,7 +214,7 @@ class _Practice:
         self._rng = rng
 
     def drive(self, epsilon: float) -> None:
-        """Drives a course from a random start, and learns from it."""
+        """Drives an episode from a random start, and learns from it."""
         exercise, parameters, step = self._exercise, self._parameters, self._environment.step
         world = self._environment.reset(int(self._rng.integers(2**63)))
         rewards: list[float] = []
