@@ -29,6 +29,8 @@ class Started:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             start_new_session=True,
+            # Where the suite itself runs under nohup, SIGHUP would be ignored in all that it starts.
+            preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
         )
         self.said = ""
 
