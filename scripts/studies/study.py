@@ -55,7 +55,11 @@ class Study(Protocol):
         ...
 
 
-STUDIES: dict[str, str] = {"paper": "studies.paper", "trees": "studies.trees"}
+STUDIES: dict[str, str] = {
+    "leaf_tuning": "studies.leaf_tuning",
+    "paper": "studies.paper",
+    "trees": "studies.trees",
+}
 """Name of a study -> the module that is it."""
 
 
