@@ -98,6 +98,13 @@ def test_world_far_ahead_of_the_episode_is_foreign():
     assert assembly.add_world(world_of(3 + MAX_GAP_STEPS), b"") is Arrival.NEW
 
 
+def test_world_states_that_come_one_by_one_never_get_too_far_ahead_of_a_step_that_waits():
+    assembly = assembly_at(3)
+    for step in range(4, 3 + 3 * MAX_GAP_STEPS):
+        assert assembly.add_world(world_of(step), b"") is Arrival.NEW
+    assert assembly.oldest() is not None
+
+
 def test_episode_counts_from_its_first_step_on():
     assembly = assembly_at(4)
     assembly.begin(1)

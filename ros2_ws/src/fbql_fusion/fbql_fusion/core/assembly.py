@@ -14,7 +14,7 @@ from fbql_common.core.types import BehaviorOutput, World
 _MAX_STEPS = 16
 """Steps that are put together at the same time; in lockstep there is one."""
 MAX_GAP_STEPS = 600
-"""World states that may be missing between two steps (10 s at 60 Hz): one farther ahead is none of this episode."""
+"""World states that may be missing in a row (10 s at 60 Hz): one farther ahead is none of this episode."""
 
 
 class Arrival(Enum):
@@ -53,6 +53,8 @@ class StepAssembly:
         self._episode: int | None = None
         self._anywhere = False
         self._decided: World | None = None
+        self._newest_step = 0
+        """The newest world state of the episode that was taken, decided or not."""
         self._steps: dict[int, Step] = {}
 
     def begin(self, episode: int, anywhere: bool = False) -> None:
@@ -64,6 +66,7 @@ class StepAssembly:
         self._episode = episode
         self._anywhere = anywhere
         self._decided = None
+        self._newest_step = 0
         self._steps.clear()
 
     def add_world(self, world: World, data: bytes) -> Arrival:
@@ -76,12 +79,13 @@ class StepAssembly:
                 return Arrival.FOREIGN
         elif world.stamp_ns <= decided.stamp_ns or world.step <= decided.step:
             return Arrival.DECIDED if world == decided else Arrival.FOREIGN
-        elif world.step - decided.step > MAX_GAP_STEPS:
+        elif world.step - self._newest_step > MAX_GAP_STEPS:
             return Arrival.FOREIGN
         step = self._step(world.stamp_ns)
         if step.world is not None:
             return Arrival.WAITING
         step.world, step.world_data = world, data
+        self._newest_step = max(self._newest_step, world.step)
         for index, output in enumerate(step.outputs):
             if output is not None and output.step != world.step:
                 step.outputs[index], step.data[index] = None, b""
