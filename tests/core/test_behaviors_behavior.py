@@ -28,6 +28,7 @@ def test_the_same_world_state_gets_the_same_answer() -> None:
 
 
 def test_outside_of_the_root_region_the_answer_is_flagged_and_counted() -> None:
+    """Fault 41."""
     behavior = Behavior("seek", TREE)
     output = behavior.answer(WORLD._replace(ball_x_m=40.0))
     assert (output.clamped, output.leaf_id, output.observation) == (True, 1, (40.0, 0.0))
@@ -51,6 +52,7 @@ def test_a_world_state_that_is_not_finite_is_refused_with_the_feature() -> None:
     ids=["count", "order", "units", "names"],
 )
 def test_a_tree_of_other_features_than_the_behavior_senses_is_refused(features: tuple[Feature, ...]) -> None:
+    """Fault 37."""
     tree = Tree("ball_seeking", features, (0,), (Leaf(0.0, 0.0, 1),))
     with pytest.raises(BadInput, match=r"behavior 'ball_seeking' senses ball_distance \[m\], ball_bearing \[rad\]"):
         Behavior("seek", tree)

@@ -201,6 +201,7 @@ def test_a_dearer_split_makes_a_smaller_tree() -> None:
 @pytest.mark.parametrize("method", ["rl", "dp"])
 @OBJECTIVES
 def test_one_pattern_makes_one_leaf(method: str, objective: str) -> None:
+    """Fault 56."""
     found = induce(
         "ball_seeking", patterns_of_rows([(1.0, 0.5, 840)]), InductionParameters(method=method, objective=objective), 0
     )
@@ -210,6 +211,7 @@ def test_one_pattern_makes_one_leaf(method: str, objective: str) -> None:
 
 @pytest.mark.parametrize("method", ["rl", "dp"])
 def test_patterns_of_one_class_make_one_leaf(method: str) -> None:
+    """Fault 56."""
     rows = [(0.1 * k, 0.1 * k - 1.5, 420) for k in range(30)]
     assert induce("ball_seeking", patterns_of_rows(rows), InductionParameters(method=method), 0).tree.leaf_count == 1
 
@@ -217,6 +219,7 @@ def test_patterns_of_one_class_make_one_leaf(method: str) -> None:
 @pytest.mark.parametrize("method", ["rl", "dp"])
 @OBJECTIVES
 def test_identical_patterns_of_different_classes_make_one_leaf_with_their_mean(method: str, objective: str) -> None:
+    """Fault 58."""
     rows = [(1.0, 0.5, 0), (1.0, 0.5, 840)] * 10
     found = induce("ball_seeking", patterns_of_rows(rows), InductionParameters(method=method, objective=objective), 0)
     assert found.tree.leaf_count == 1
@@ -224,6 +227,7 @@ def test_identical_patterns_of_different_classes_make_one_leaf_with_their_mean(m
 
 
 def test_a_feature_that_never_changes_is_never_split() -> None:
+    """Fault 57."""
     rows = [(1.0, 0.2 * k - 3.0, 29 * (k // 6)) for k in range(30)]
     tree = induce("ball_seeking", patterns_of_rows(rows), replace(DP, split_cost=0.0), 0).tree
     splits = [node.feature for node in tree.nodes if isinstance(node, Split)]
@@ -250,6 +254,7 @@ def test_a_feature_that_never_changes_is_never_split() -> None:
     ],
 )
 def test_a_parameter_out_of_range_is_refused_with_its_value(name: str, value: object) -> None:
+    """Fault 62."""
     parameters = InductionParameters(**{name: value})  # pyright: ignore[reportArgumentType]
     with pytest.raises(BadInput, match=f"parameter '{name}' is .*{value}"):
         induce("ball_seeking", scattered(10), parameters, 0)

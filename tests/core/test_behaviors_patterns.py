@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from fbql_behaviors.core import patterns as patterns_module
 from fbql_behaviors.core.observation import OBSERVATIONS, Feature
 from fbql_behaviors.core.patterns import Demonstration, Patterns, patterns_from_rows, patterns_of
 from fbql_behaviors.core.quantizer import wheel_class_of
@@ -45,17 +44,20 @@ def test_more_patterns_than_asked_for_are_thinned_out_evenly() -> None:
 
 
 def test_no_demonstrations_make_no_patterns_but_an_error() -> None:
+    """Fault 55."""
     with pytest.raises(BadInput, match="no patterns"):
         patterns_of([], BALL)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_a_value_that_is_not_finite_is_refused_with_its_row_and_feature(value: float) -> None:
+    """Fault 59."""
     with pytest.raises(BadInput, match="pattern row 2: feature 'bearing' is"):
         patterns_from_rows(FEATURES, [(0.0, 0.0), (0.1, 0.1), (0.2, value)], [0, 1, 2])
 
 
 def test_a_text_is_refused_with_its_row_and_feature() -> None:
+    """Fault 59."""
     with pytest.raises(BadInput, match="pattern row 1: feature 'distance' is 'near', which is not a number"):
         patterns_from_rows(FEATURES, [(0.0, 0.0), ("near", 0.1)], [0, 1])
 
@@ -77,10 +79,11 @@ def test_patterns_cannot_be_changed() -> None:
         patterns.x[0, 0] = 1.0
 
 
-def test_too_many_patterns_are_refused_with_the_memory_they_would_take(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(patterns_module, "MAX_PATTERNS", 3)
-    with pytest.raises(BadInput, match=r"4 patterns, whose induction would take about .* GiB"):
-        patterns_from_rows(FEATURES, [(0.0, 0.0)] * 4, [0] * 4)
+def test_ten_million_patterns_are_refused_with_the_memory_they_would_take() -> None:
+    """Fault 60."""
+    n = 10_000_000
+    with pytest.raises(BadInput, match=r"^10000000 patterns, whose induction would take about 2\.3 GiB of memory"):
+        Patterns(FEATURES, np.zeros((n, 2)), np.zeros(n, np.int64), np.zeros(n, np.int64))
 
 
 def test_the_sha256_depends_on_attributes_classes_and_units() -> None:
@@ -96,6 +99,7 @@ def test_the_sha256_depends_on_attributes_classes_and_units() -> None:
 
 
 def test_odd_patterns_are_warned_about() -> None:
+    """Fault 56, and half of fault 57."""
     assert patterns_from_rows(FEATURES, [(0.1, 0.2)], [0]).warnings() == [
         "there is one pattern only: the tree will be a single leaf"
     ]
@@ -108,13 +112,28 @@ def test_odd_patterns_are_warned_about() -> None:
     assert patterns_from_rows(FEATURES, [(0.1, 0.2), (0.3, 0.4)], [5, 6]).warnings() == []
 
 
-def test_a_great_imbalance_of_classes_is_warned_about() -> None:
-    n = 1001
-    x = np.stack((np.arange(n) / n, np.zeros(n) + np.arange(n) / n), axis=1)
+@pytest.mark.parametrize(("commonest", "warned"), [(100_000, True), (1000, True), (999, False)])
+def test_a_great_imbalance_of_classes_is_warned_about(commonest: int, warned: bool) -> None:
+    """Fault 61."""
+    n = commonest + 1
+    x = np.stack((np.arange(n) / n, np.arange(n) / n), axis=1)
     classes = np.zeros(n, np.int64)
     classes[0] = 1
-    patterns = Patterns(FEATURES, x, classes, np.zeros(n, np.int64))
-    assert "the commonest class has 1000 patterns, the rarest 1" in patterns.warnings()[0]
+    said = Patterns(FEATURES, x, classes, np.zeros(n, np.int64)).warnings()
+    rare = f"the commonest class has {commonest} patterns, the rarest 1: the rare ones will hardly count"
+    assert said == ([rare] if warned else [])
+
+
+@pytest.mark.parametrize(("alone", "warned"), [(3, True), (2, False)])
+def test_classes_that_no_other_demonstration_shows_are_warned_about(alone: int, warned: bool) -> None:
+    """Fault 61: held out, such a class was never seen."""
+    n = 20
+    rows = [(0.04 * k, 0.02 * k) for k in range(n)]
+    classes = [5] * (n - alone) + [6] * alone
+    numbers = [k % 2 for k in range(n - alone)] + [2] * alone
+    said = patterns_from_rows(FEATURES, rows, classes, numbers).warnings()
+    assert ("3 of 20 patterns are of classes that one demonstration alone shows" in "".join(said)) == warned
+    assert patterns_from_rows(FEATURES, rows, classes).warnings() == []  # of a single demonstration nothing is held out
 
 
 def test_a_demonstration_has_a_command_for_every_world_state() -> None:

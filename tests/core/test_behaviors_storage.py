@@ -12,6 +12,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from fbql_behaviors import storage
 from fbql_behaviors.core.observation import OBSERVATIONS, Feature
@@ -99,6 +100,22 @@ def a_pickle() -> bytes:
     return pickle.dumps(TREE.content())
 
 
+def an_object_npz() -> bytes:
+    file = io.BytesIO()
+    np.savez(file, nodes=np.array([TREE.content()], dtype=object))
+    return file.getvalue()
+
+
+class Trap:
+    """What leaves a file behind when it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Path]]:
+        return Path.touch, (self.path,)
+
+
 def a_zip_bomb() -> bytes:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -112,6 +129,7 @@ BAD_FILES: dict[str, tuple[bytes, str]] = {
     "not JSON": (b"trees are green", "not JSON, or truncated"),
     "not text": (b"\xff\xfe\xfd\x00\x80", "not a tree file|not JSON"),
     "pickle": (a_pickle(), "not a tree file|not JSON"),
+    "object npz": (an_object_npz(), "not a tree file|not JSON"),
     "zip bomb": (a_zip_bomb(), "not a tree file|not JSON"),
     "deep": (b"[" * 100_000, "nested too deeply|not JSON"),
     "a list": (b"[]", "not a tree file"),
@@ -158,6 +176,7 @@ BAD_FILES: dict[str, tuple[bytes, str]] = {
 
 @pytest.mark.parametrize("name", BAD_FILES)
 def test_a_bad_file_is_refused_in_one_line_with_its_name_and_the_reason(name: str, tmp_path: Path) -> None:
+    """Faults 35 to 39."""
     data, reason = BAD_FILES[name]
     path = tmp_path / "bad tree.json"
     path.write_bytes(data)
@@ -165,6 +184,18 @@ def test_a_bad_file_is_refused_in_one_line_with_its_name_and_the_reason(name: st
         load_tree(path)
     assert str(refused.value).startswith(f"{path}: ")
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_nothing_is_ever_unpickled(protocol: int, tmp_path: Path) -> None:
+    """Fault 39."""
+    sprung, path = tmp_path / "sprung", tmp_path / "tree.json"
+    path.write_bytes(pickle.dumps(Trap(sprung), protocol))
+    with pytest.raises(BadInput):
+        load_tree(path)
+    assert not sprung.exists()
+    pickle.loads(path.read_bytes())  # the trap is one
+    assert sprung.exists()
 
 
 def test_a_missing_file_and_a_directory_are_refused_with_the_reason(tmp_path: Path) -> None:
@@ -175,6 +206,7 @@ def test_a_missing_file_and_a_directory_are_refused_with_the_reason(tmp_path: Pa
 
 
 def test_a_huge_file_is_refused_by_its_size_before_it_is_read(tmp_path: Path) -> None:
+    """Fault 39."""
     path = tmp_path / "huge.json"
     with path.open("wb") as file:
         file.truncate(2**30)
@@ -184,6 +216,7 @@ def test_a_huge_file_is_refused_by_its_size_before_it_is_read(tmp_path: Path) ->
 
 @pytest.mark.parametrize("cut", range(0, 700, 7))
 def test_wherever_a_file_is_cut_off_it_is_refused(cut: int) -> None:
+    """Fault 35."""
     data = tree_to_bytes(TREE)
     assert cut < len(data.rstrip()) - 1
     with pytest.raises(BadInput):

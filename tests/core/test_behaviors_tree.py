@@ -140,12 +140,14 @@ def test_the_hash_tells_any_difference() -> None:
     ],
 )
 def test_what_is_no_tree_is_refused_with_the_place(nodes: list[Node], leaves: int, reason: str) -> None:
+    """Fault 38."""
     with pytest.raises(BadInput, match=reason):
         tree_of(nodes, leaves)
 
 
 @pytest.mark.parametrize(("low", "high"), [(1.0, 1.0), (2.0, 1.0), (nan, 1.0), (0.0, inf)])
 def test_a_feature_whose_low_is_not_below_its_high_is_refused(low: float, high: float) -> None:
+    """Fault 38."""
     with pytest.raises(BadInput, match="must be below high"):
         tree_of([0], 1, (Feature("distance", "m", low, high),))
 

@@ -20,6 +20,8 @@ from fbql_behaviors.core.quantizer import CLASS_COUNT, wheel_class_of
 
 IMBALANCE = 1000
 """A class that has so many times the patterns of another is worth a warning."""
+UNSEEN_SHARE = 0.1
+"""Share of patterns of a class that no other demonstration shows, above which it is worth a warning."""
 MAX_PATTERNS = 5_000_000
 PATTERN_BYTES = 250
 """Memory that induction takes for a pattern, about [bytes]."""
@@ -104,10 +106,24 @@ class Patterns:
             found.append(
                 f"the commonest class has {counts.max()} patterns, the rarest {counts.min()}: the rare ones will hardly count"
             )
+        unseen = self._shown_once()
+        if unseen > UNSEEN_SHARE * len(self):
+            found.append(
+                f"{unseen} of {len(self)} patterns are of classes that one demonstration alone shows: "
+                "where it is held out they are unseen; demonstrate more"
+            )
         for column, feature in enumerate(self.features):
             if self.x[:, column].min() == self.x[:, column].max():
                 found.append(f"feature '{feature.name}' never changes: the tree cannot use it")
         return found
+
+    def _shown_once(self) -> int:
+        """How many patterns are of a class that a single demonstration shows; 0 when there is only one at all."""
+        shown = np.unique(np.stack((self.wheel_class, self.demonstration)), axis=1)
+        if len(np.unique(shown[1])) < 2:
+            return 0
+        classes, demonstrations = np.unique(shown[0], return_counts=True)
+        return int(np.isin(self.wheel_class, classes[demonstrations == 1]).sum())
 
     def select(self, rows: npt.NDArray[np.bool_]) -> Patterns:
         """The patterns whose row is true in `rows` [n]."""
