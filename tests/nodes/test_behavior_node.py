@@ -1,11 +1,13 @@
 """The behavior node: it answers sound world states, each as often as it is asked, and says why it does not."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from fbql_behaviors.behavior_node import BehaviorNode
 from fbql_behaviors.core.behavior import Behavior
-from fbql_behaviors.storage import load_tree
+from fbql_behaviors.core.tree import Leaf
+from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common import watch
 from fbql_common.core.types import BehaviorOutput
 from fbql_common.topics import CLOCK, POSE_QOS, STEP_QOS, WORLD, behavior_topic
@@ -117,6 +119,7 @@ def test_world_so_far_out_that_its_distances_overflow_is_not_answered(bench):
 
 
 def test_world_outside_of_the_root_region_is_answered_as_clamped(bench):
+    """Fault 41."""
     asked = Asked(bench, "ball_seeking", "ball_seeking")
     assert not asked.answer_to(world_at(0, 0)).clamped
     assert asked.answer_to(world_at(0, 1, ball_x_m=50.0)).clamped
@@ -183,6 +186,25 @@ def test_missing_simulator_is_named(bench):
 def test_behavior_is_called_what_its_parameter_says(bench):
     asked = Asked(bench, "", "chasing", tree_file=str(shipped_tree("ball_seeking")), name="chasing")
     assert asked.answer_to(world_at(0, 1)).name == "chasing"
+
+
+def test_tree_file_that_is_replaced_while_it_runs_changes_nothing_and_the_hash_tells_which_one_runs(bench, tmp_path):
+    """Fault 42."""
+    path, world = tmp_path / "tree.json", world_at(0, 1, ball_x_m=0.2, ball_y_m=-0.3)
+    loaded = load_tree(shipped_tree("ball_seeking"))
+    other = replace(loaded, leaves=tuple(Leaf(0.0, 0.0, 1) for _ in loaded.leaves))
+    save_tree(path, loaded)
+    asked = Asked(bench, "ball_seeking", "ball_seeking", tree_file=str(path))
+    bench.until_said(f"tree {loaded.hash[:12]}, from tree.json")
+    before = asked.answer_to(world)
+    save_tree(path, other)
+    after = asked.answer_to(world_at(0, 2, ball_x_m=0.2, ball_y_m=-0.3))
+    path.unlink()
+    last = asked.answer_to(world_at(0, 3, ball_x_m=0.2, ball_y_m=-0.3))
+    for answer in (before, after, last):
+        assert (answer.tree_hash, answer.left_rad_s) == (loaded.hash, before.left_rad_s)
+    assert before.left_rad_s != 0.0
+    assert other.hash != loaded.hash
 
 
 def test_parameters_are_frozen_while_it_runs(asked):

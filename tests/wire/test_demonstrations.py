@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from math import inf, nan
 from pathlib import Path
+from struct import pack
 
 import pytest
 from fbql_behaviors import demonstration_storage
@@ -12,7 +14,9 @@ from fbql_behaviors.core.patterns import Demonstration
 from fbql_behaviors.demonstration_storage import load_demonstrations
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
-from launcher import demonstrate, induce
+from fbql_common.core.types import World
+from fbql_common.wire import encode_world
+from launcher import demonstrate, demonstration_recording, induce
 from launcher.demonstration_recording import save_demonstrations
 from launcher.instruct import instruct
 from launcher.make_trees import SHIPPED
@@ -64,12 +68,36 @@ def test_demonstrations_of_another_behavior_are_refused(recording: Path) -> None
         load_demonstrations(recording, "approaching")
 
 
-def test_a_directory_without_recordings_is_refused(tmp_path: Path) -> None:
+def test_a_directory_without_recordings_is_refused_and_makes_no_tree(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Fault 55."""
     with pytest.raises(BadInput, match="no demonstrations there"):
         load_demonstrations(tmp_path, BEHAVIOR)
+    assert induce.main([BEHAVIOR, "--demos", str(tmp_path), "--out", str(tmp_path / "tree.json")]) == 2
+    assert "no demonstrations there (no .mcap file)" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("bad", [nan, inf])
+def test_a_number_that_is_not_finite_is_refused_with_its_message(
+    bad: float, demonstrations: list[Demonstration], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fault 59. Our own recorder cannot write such a message: its bytes are damaged here."""
+
+    def damaged(world: World) -> bytes:
+        sound = encode_world(world)
+        return sound.replace(pack("<d", world.robot_x_m), pack("<d", bad)) if world.step == 7 else sound
+
+    monkeypatch.setattr(demonstration_recording, "encode_world", damaged)
+    save_demonstrations(tmp_path / "bad", BEHAVIOR, demonstrations[:1], {})
+    reason = r"bad_0\.mcap: message 14, counted from 0: a pose or velocity is not finite"
+    with pytest.raises(BadInput, match=reason):
+        load_demonstrations(tmp_path / "bad", BEHAVIOR)
 
 
 def test_more_steps_than_fit_into_memory_are_refused(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fault 60."""
     monkeypatch.setattr(demonstration_storage, "MAX_STEPS", 50)
     with pytest.raises(BadInput, match=r"more than 50 steps, which would take over .* GiB"):
         load_demonstrations(recording, BEHAVIOR)

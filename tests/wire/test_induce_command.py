@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import signal
+import subprocess
 import sys
 from html.parser import HTMLParser
 from math import inf, nan
@@ -170,6 +172,25 @@ def test_a_value_that_diverged_is_said_and_ends_the_curve(page_and_tree: tuple[s
     assert {"diverged", "n/a"} <= set(Page(text).texts)
     assert "the tree is worth 0.250 nat, the best one 0.500 nat" in text
     assert len(re.findall(r'points="([^"]*)"', text)[0].split()) == 2
+
+
+def test_an_interrupt_ends_the_trials_in_one_line_and_leaves_what_was_there(tmp_path: Path) -> None:
+    """Fault 60. The warning comes right before the trials begin."""
+    path = tmp_path / "tree.json"
+    path.write_text("older")
+    words = ["ball_seeking", "--patterns", "20", "--trials", "1000000", "--out", str(path)]
+    command = [sys.executable, "-c", f"from launcher.induce import main; raise SystemExit(main({words}))"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        assert any("WARNING" in line for line in process.stderr)
+        process.send_signal(signal.SIGINT)
+        rest = process.communicate(timeout=20.0)[1]
+    assert process.returncode == 130
+    assert [line for line in rest.splitlines() if "WARNING" not in line] == [
+        "induce.py: interrupted; no tree was written"
+    ]
+    assert [each.name for each in tmp_path.iterdir()] == ["tree.json"]
+    assert path.read_text() == "older"
 
 
 def test_a_page_that_cannot_be_written_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ Only whole recordings are read: a damaged or truncated one is refused with the r
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from struct import error as StructError  # noqa: N812
 from typing import IO, NamedTuple
@@ -77,7 +77,7 @@ def load_recordings(path: Path) -> Iterator[Recording]:
                 demonstrations, about = _read(stream, MAX_STEPS - steps)
         except OSError as error:
             raise BadInput(f"{file}: cannot be read ({error.strerror})") from None
-        except (BadInput, Rejected) as error:
+        except BadInput as error:
             raise BadInput(f"{file}: {error}") from None
         except InvalidMagic:
             raise BadInput(f"{file}: not an MCAP recording") from None
@@ -96,6 +96,7 @@ def _read(stream: IO[bytes], allowed: int) -> tuple[list[Demonstration], dict[st
     worlds: dict[tuple[int, int], World] = {}
     commands: dict[tuple[int, int], WheelCommand] = {}
     world_type, command_type = type_name(World), type_name(WheelCommand)
+    messages = 0
     for record in _records(stream):
         if isinstance(record, Schema):
             schemas[record.id] = record.name
@@ -106,11 +107,12 @@ def _read(stream: IO[bytes], allowed: int) -> tuple[list[Demonstration], dict[st
         elif isinstance(record, Message):
             kind = types.get(record.channel_id)
             if kind == world_type:
-                world = decode_world(record.data)
+                world = _decoded(decode_world, record.data, messages)
                 worlds[world.episode, world.step] = world
             elif kind == command_type:
-                command = decode_command(record.data)
+                command = _decoded(decode_command, record.data, messages)
                 commands[command.episode, command.step] = command
+            messages += 1
             if len(worlds) > allowed:
                 raise BadInput(
                     f"more than {MAX_STEPS} steps, which would take over {MAX_STEPS * STEP_BYTES / 2**30:.1f} GiB of memory; "
@@ -120,6 +122,13 @@ def _read(stream: IO[bytes], allowed: int) -> tuple[list[Demonstration], dict[st
     for key in sorted(worlds.keys() & commands.keys()):
         episodes.setdefault(key[0], []).append((worlds[key], commands[key]))
     return [Demonstration(tuple(w for w, _ in steps), tuple(c for _, c in steps)) for steps in episodes.values()], about
+
+
+def _decoded[T](decode: Callable[[bytes], T], data: bytes, number: int) -> T:
+    try:
+        return decode(data)
+    except Rejected as error:
+        raise BadInput(f"message {number}, counted from 0: {error}") from None
 
 
 def _records(stream: IO[bytes]) -> Iterator[McapRecord]:
