@@ -176,7 +176,7 @@ BAD_FILES: dict[str, tuple[bytes, str]] = {
 
 @pytest.mark.parametrize("name", BAD_FILES)
 def test_a_bad_file_is_refused_in_one_line_with_its_name_and_the_reason(name: str, tmp_path: Path) -> None:
-    """Faults 35 to 39."""
+    """Faults 35, 36, 37, 38, 39."""
     data, reason = BAD_FILES[name]
     path = tmp_path / "bad tree.json"
     path.write_bytes(data)
