@@ -21,6 +21,7 @@ setup(
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"gymnasium": ["gymnasium>=1.0"]},
     zip_safe=True,
     entry_points={
         "console_scripts": [

@@ -1,0 +1,197 @@
+"""The simulator as a Gymnasium environment: wheel velocities in, the whole world out.
+
+    import gymnasium
+    import fbql_sim.gymnasium_env  # registers the environment
+
+    env = gymnasium.make("fbql/Wheels-v0", reward_collision=-0.3)
+
+Gymnasium is an optional extra (`fbql_sim[gymnasium]`); nothing else in this package needs it. The world underneath is
+the one of the nodes, `fbql_sim.core.world_loop.WorldLoop`: the same seed and commands give the same episode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+from fbql_common.core.errors import BadInput
+from fbql_common.core.field import FIELD, MAX_WHEEL_RAD_S
+from fbql_common.core.parameters import from_mapping, limits_of, parameter, types_of
+from fbql_common.core.types import World
+from numpy.typing import NDArray
+
+from fbql_sim.core.arena import POCKET
+from fbql_sim.core.parameters import SimulationParameters
+from fbql_sim.core.world_loop import WorldLoop
+
+try:
+    import gymnasium
+except ModuleNotFoundError as error:
+    if error.name != "gymnasium":
+        raise
+    raise ModuleNotFoundError(
+        "fbql_sim.gymnasium_env needs Gymnasium, which is an optional extra: pip install gymnasium", name="gymnasium"
+    ) from None
+
+WHEELS_ID = "fbql/Wheels-v0"
+
+Drive = Callable[[World], tuple[float, float]]
+"""Wheel velocities for a world, left and right [rad/s]."""
+
+_X_M, _Y_M = POCKET + 0.05, FIELD.half_width_m + 0.05
+OBSERVED: dict[str, float] = {
+    "robot_x_m": _X_M,
+    "robot_y_m": _Y_M,
+    "robot_yaw_rad": pi,
+    "robot_speed_m_s": 5.0,
+    "robot_yaw_rate_rad_s": 100.0,
+    "ball_x_m": _X_M,
+    "ball_y_m": _Y_M,
+    "ball_vx_m_s": 20.0,
+    "ball_vy_m_s": 20.0,
+    "wall_x_m": _X_M,
+    "wall_y_m": _Y_M,
+    "wall_yaw_rad": pi,
+}
+"""What is observed, in order, and the largest absolute value of each: these fields of World, in SI units and radians, in the
+frame "field" (REP-103: x towards the attacked goal, y to the left, counter-clockwise positive)."""
+_FIRST, _END = World._fields.index("robot_x_m"), World._fields.index("wall_yaw_rad") + 1
+_HIGH = np.array([*OBSERVED.values()], np.float32)
+
+
+@dataclass(frozen=True)
+class EnvironmentParameters:
+    """What an environment can be told beside the simulator's own parameters."""
+
+    hold_steps: int = parameter(1, "steps of the simulator that an action is held for", low=1, high=100_000)
+    reward_goal: float = parameter(10.0, "reward of a goal", low=-1e9, high=1e9)
+    reward_own_goal: float = parameter(-10.0, "reward of an own goal", low=-1e9, high=1e9)
+    reward_collision: float = parameter(-5.0, "reward of a collision, once when it begins", low=-1e9, high=1e9)
+
+
+class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
+    """Score with a differential-drive robot by its wheels' velocities.
+
+    Action: float32 [2], left and right wheel velocity in -1 .. 1 of MAX_WHEEL_RAD_S (88 rad/s); values outside are limited.
+    Observation: float32 [12], the fields of OBSERVED within its bounds; a value outside of them is limited.
+    Reward: the sum over the steps that the action was held: of a goal, an own goal, a collision when it begins.
+    Terminated by a goal or an own goal; truncated after `max_steps` (4000) steps of the simulator. Never both.
+    Info of a step: `steps` (of the simulator), `goal`, `own_goal`, `collisions_begun`, `collision_steps`; of a reset:
+    `episode_seed`.
+
+    `reset(seed=S)` begins a sequence of episodes that S alone decides. `reset(options={"episode_seed": N})` plays the very
+    episode that N stands for in a session: the same start, the same disturbance of the wheels.
+
+    To build another action or observation on the same world, override `driver`, `observe` and the two spaces.
+
+    Args:
+        parameters: those of EnvironmentParameters and of SimulationParameters, by name.
+
+    Raises:
+        BadInput: an unknown parameter, or a value of another type or out of its range.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012 - Gymnasium's own declaration
+
+    def __init__(self, **parameters: Any) -> None:
+        own = {name: parameters.pop(name) for name in limits_of(EnvironmentParameters) if name in parameters}
+        self.parameters = _made(EnvironmentParameters, own)
+        self.simulation = _made(SimulationParameters, parameters)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.observation_space = gymnasium.spaces.Box(-_HIGH, _HIGH, dtype=np.float32)
+        self._loop = WorldLoop(self.simulation)
+        self._episode = -1
+
+    @property
+    def world(self) -> World:
+        """The latest world. Raises RuntimeError before the first reset."""
+        return self._loop.world
+
+    def driver(self, action: Any) -> Drive:
+        """What drives while an action is held: here the same wheel velocities for every world."""
+        left, right = float(action[0]), float(action[1])
+        command = _limited(left) * MAX_WHEEL_RAD_S, _limited(right) * MAX_WHEEL_RAD_S
+        return lambda _world: command
+
+    def observe(self, world: World) -> NDArray[np.float32]:
+        """What is observed of a world."""
+        seen = np.array(world[_FIRST:_END], np.float32)
+        np.maximum(seen, -_HIGH, out=seen)
+        return np.minimum(seen, _HIGH, out=seen)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begins an episode. Raises BadInput for options that can't be used."""
+        super().reset(seed=seed)
+        episode_seed = _episode_seed(options or {})
+        if episode_seed is None:
+            episode_seed = int(self.np_random.integers(2**63))
+        self._episode += 1
+        return self.observe(self._loop.reset(self._episode, episode_seed)), {"episode_seed": episode_seed}
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Holds an action for `hold_steps` steps, or until the episode ends.
+
+        Raises:
+            ValueError: a wheel velocity is not a number.
+            RuntimeError: no episode is running.
+        """
+        drive, advance = self.driver(action), self._loop.step
+        world = self._loop.world
+        parameters = self.parameters
+        reward = 0.0
+        steps = begun = contact = 0
+        for _ in range(parameters.hold_steps):
+            world = advance(*drive(world))
+            steps += 1
+            if world.collision:
+                contact += 1
+                if world.collision_begun:
+                    begun += 1
+                    reward += parameters.reward_collision
+            if world.terminated or world.truncated:
+                break
+        if world.goal:
+            reward += parameters.reward_goal
+        elif world.own_goal:
+            reward += parameters.reward_own_goal
+        info = {
+            "steps": steps,
+            "goal": world.goal,
+            "own_goal": world.own_goal,
+            "collisions_begun": begun,
+            "collision_steps": contact,
+        }
+        return self.observe(world), reward, world.terminated, world.truncated, info
+
+
+def _made[T](declaration: type[T], values: dict[str, Any]) -> T:
+    """An instance of a declaration; whole numbers will do for decimal ones."""
+    kinds = types_of(declaration)
+    whole = {name: float(value) for name, value in values.items() if type(value) is int and kinds.get(name) is float}
+    return from_mapping(declaration, {**values, **whole}, "environment")
+
+
+def _limited(share: float) -> float:
+    """Within -1 .. 1; not a number stays so."""
+    return 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
+
+
+def _episode_seed(options: dict[str, Any]) -> int | None:
+    """The seed of the episode that the options ask for, if they do."""
+    unknown = sorted(set(options) - {"episode_seed"})
+    if unknown:
+        raise BadInput(f"environment: unknown reset option '{unknown[0]}'; known is: episode_seed")
+    seed = options.get("episode_seed")
+    if seed is not None and not (isinstance(seed, int | np.integer) and 0 <= seed < 2**63):
+        raise BadInput(
+            f"environment: reset option 'episode_seed' is {seed!r}; it must be a whole number, 0 .. 2^63 - 1"
+        )
+    return None if seed is None else int(seed)
+
+
+gymnasium.register(id=WHEELS_ID, entry_point="fbql_sim.gymnasium_env:WheelsEnv")
