@@ -38,7 +38,7 @@ def ratio_of_sums(numerators: Sequence[float], denominators: Sequence[float]) ->
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = sums[0] / sums[1]
         estimate = float(pairs[0].sum() / pairs[1].sum())
-    low, high = np.percentile(ratios, [2.5, 97.5])
+        low, high = np.percentile(ratios, [2.5, 97.5])
     return Interval(estimate, float(low), float(high))
 
 

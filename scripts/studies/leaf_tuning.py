@@ -26,6 +26,7 @@ from launcher.make_trees import DEMONSTRATION_SEED, INDUCTION_SEED
 from launcher.practice import PracticeGround, measure, measuring_seeds
 
 from studies.inference import mean_interval, paired_p_value
+from studies.leaf_tuning_words import tables
 from studies.study import Parameters, Result, Row, Task
 from studies.tree_play import RETUNED, retuned, score
 
@@ -198,5 +199,7 @@ def _row(what: tuple[str, str, str, str], before: Sequence[float], after: Sequen
 
 
 def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
-    """None: the table says it all."""
-    return []
+    """The tables of docs/trees.md."""
+    text = "\n\n".join(f"{title}\n\n{each}" for title, each in tables(table(results)).items())
+    (directory / "tables.md").write_text(f"{text}\n")
+    return [directory / "tables.md"]

@@ -4,38 +4,105 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from fbql_behaviors.core.recipes import RECIPES
+
 from studies.study import Row
+from studies.tree_methods import OBJECTIVES, TRIALS
 from studies.tree_play import PRESETS, SETTINGS
 
-BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
+SHOWN = (
+    "weighted rl 50",
+    "weighted dp",
+    "printed rl 50",
+    "printed dp",
+    "weighted dp, printed's limits",
+    "cart",
+    "cart by entropy",
+    "cart, cross-validated",
+    "optimal, 8 leaves",
+    "optimal",
+    "one leaf",
+)
+"""The methods that are told of one by one; the others differ in the number of trials."""
+ENDINGS = ("", ", Q from 0")
+TOLERANCE = 0.12
+"""How far above CART's the held-out error of the exact tree of the weighted objective was to be at most."""
 
 
 def tables(rows: Sequence[Row]) -> dict[str, str]:
-    """Name -> table: the trees, play with each thresholds, and the leaf counts of the known seeds."""
-    found = {"trees": _trees([row for row in rows if "rmse_levels" in row])}
+    """Title -> table, in the order of docs/trees.md."""
+    trees = {(row["method"], row["behavior"]): row for row in rows if "rmse_levels" in row}
+    found = {spoken(behavior): _trees([trees[key] for key in _shown(trees, behavior)]) for behavior in RECIPES}
+    found["error over that of CART at equal leaves"] = _equal_leaves(
+        [trees["weighted dp", behavior] for behavior in RECIPES if ("weighted dp", behavior) in trees]
+    )
+    played = {(row["method"], row["thresholds"]): row for row in rows if "thresholds" in row}
+    found["trials"] = _trials(trees, played)
     for name in SETTINGS:
-        found[name] = _play([row for row in rows if row.get("thresholds") == name])
-    found["bands"] = _bands([row for row in rows if "band" in row])
+        found[title_of(name)] = _play([played[method, name] for method in SHOWN if (method, name) in played])
+    found["leaves of demonstration seeds 1 to 8"] = _bands([row for row in rows if "band" in row])
     return found
 
 
-def title_of(name: str) -> str:
+def title_of(thresholds: str) -> str:
     """How thresholds are spoken of."""
-    if name not in PRESETS:
-        return f"{name} thresholds"
-    return f"{name} thresholds ({PRESETS[name].wall_m:g} m, {PRESETS[name].approach_rad:g} rad)"
+    if thresholds not in PRESETS:
+        return f"{thresholds} thresholds"
+    return f"{thresholds} thresholds ({PRESETS[thresholds].wall_m:g} m, {PRESETS[thresholds].approach_rad:g} rad)"
+
+
+def _shown(trees: dict[tuple[str, str], Row], behavior: str) -> list[tuple[str, str]]:
+    return [(method, behavior) for method in SHOWN if (method, behavior) in trees]
 
 
 def _trees(rows: Sequence[Row]) -> str:
-    by_method: dict[str, dict[str, Row]] = {}
-    for row in rows:
-        by_method.setdefault(row["method"], {})[row["behavior"]] = row
-    head = ["method", *(f"{name.replace('_', ' ')}: leaves, error, value" for name in BEHAVIORS)]
+    head = ["method", "leaves", "held-out error [levels]", "[rad/s]", "value / optimum", "time [ms]"]
     body = [
-        [method, *(f"{of[name]['leaves']:.0f}, {of[name]['rmse_levels']:.2f}, {_share(of[name]['value_to_dp'])}" for name in BEHAVIORS)]
-        for method, of in by_method.items()
-    ]  # fmt: skip
-    return _markdown(head, body)
+        [
+            row["method"],
+            _spread(row, "leaves", ".0f"),
+            _between(row, "rmse_levels", "rmse_low", "rmse_high", 1.0, ".2f"),
+            f"{row['rmse_rad_s']:.1f}",
+            number(row["value_to_dp"], ".2f"),
+            f"{1000.0 * row['seconds']:.0f}",
+        ]
+        for row in rows
+    ]
+    return markdown(head, body)
+
+
+def _equal_leaves(rows: Sequence[Row]) -> str:
+    limit = 1.0 + TOLERANCE
+    head = ["behavior", "CART by squared error", "CART by entropy", f"at most {limit:.2f}"]
+    body = [
+        [
+            spoken(row["behavior"]),
+            number(row["rmse_to_cart"], ".3f"),
+            number(row["rmse_to_cart_by_entropy"], ".3f"),
+            "yes" if max(row["rmse_to_cart"] or 0.0, row["rmse_to_cart_by_entropy"] or 0.0) <= limit else "no",
+        ]
+        for row in rows
+    ]
+    return markdown(head, body)
+
+
+def _trials(trees: dict[tuple[str, str], Row], played: dict[tuple[str, str], Row]) -> str:
+    head = ["method", *(f"{spoken(each)}: leaves, error, value" for each in RECIPES), "success [%]", "steps / goal"]
+    methods = [f"{name} rl {n}{ending}" for name in OBJECTIVES for ending in ENDINGS for n in TRIALS]
+    body: list[list[str]] = []
+    for method in methods:
+        of = [trees[method, behavior] for behavior in RECIPES if (method, behavior) in trees]
+        if of:
+            play = played[method, SETTINGS[0]]
+            body.append(
+                [
+                    method,
+                    *(f"{r['leaves']:.0f}, {r['rmse_levels']:.2f}, {number(r['value_to_dp'], '.2f')}" for r in of),
+                    number(play["success_rate"], ".1f", 100.0),
+                    number(play["cost_per_goal"], ".0f"),
+                ]
+            )
+    return markdown(head, body)
 
 
 def _play(rows: Sequence[Row]) -> str:
@@ -46,7 +113,7 @@ def _play(rows: Sequence[Row]) -> str:
             _between(row, "success_rate", "success_low", "success_high", 100.0, ".1f"),
             _between(row, "cost_per_goal", "cost_low", "cost_high", 1.0, ".0f"),
             _between(row, "cost_to_shipped", "ratio_low", "ratio_high", 1.0, ".2f"),
-            "" if row["p"] is None else f"{row['p']:.2g}",
+            number(row["p"], ".2g"),
             f"{100.0 * row['own_goals']:.1f}",
             f"{100.0 * row['timeouts']:.1f}",
             f"{row['collisions_begun']:.1f}",
@@ -54,38 +121,50 @@ def _play(rows: Sequence[Row]) -> str:
         ]
         for row in rows
     ]
-    return _markdown(head, body)
+    return markdown(head, body)
 
 
 def _bands(rows: Sequence[Row]) -> str:
-    head = ["objective", "behavior", "leaves with seeds 1 to 8", "band", "inside"]
+    by_name = {(row["objective"], row["behavior"]): row for row in rows}
+    chosen = [by_name[key] for name in OBJECTIVES for behavior in RECIPES if (key := (name, behavior)) in by_name]
+    head = ["objective", "behavior", "leaves", "band", "inside"]
     body = [
         [
             row["objective"],
-            row["behavior"].replace("_", " "),
-            row["leaves_of_seeds_1_to_8"],
-            row["band"],
+            spoken(row["behavior"]),
+            row["leaves_of_seeds_1_to_8"].replace(" ", ", "),
+            row["band"].replace("-", " to "),
             f"{row['inside']} of {row['n']}",
         ]
-        for row in rows
+        for row in chosen
     ]
-    return _markdown(head, body)
+    return markdown(head, body)
 
 
-def _share(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"
+def spoken(behavior: str) -> str:
+    """The name of a behavior in a text."""
+    return behavior.replace("_", " ")
+
+
+def number(value: float | None, form: str, scale: float = 1.0) -> str:
+    """A number; empty where there is none."""
+    return "" if value is None else f"{value * scale:{form}}"
+
+
+def _spread(row: Row, name: str, form: str) -> str:
+    """A median with the range."""
+    return _between(row, name, f"{name}_low", f"{name}_high", 1.0, form)
 
 
 def _between(row: Row, middle: str, low: str, high: str, scale: float, form: str) -> str:
     """An estimate with its interval; empty where there is none."""
-    if row[middle] is None:
-        return ""
-    words = f"{row[middle] * scale:{form}}"
-    if row[low] is not None and row[high] is not None:
-        words += f" ({row[low] * scale:{form}} to {row[high] * scale:{form}})"
+    words = number(row[middle], form, scale)
+    if words and row[low] is not None and row[high] is not None:
+        words += f" ({number(row[low], form, scale)} to {number(row[high], form, scale)})"
     return words
 
 
-def _markdown(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:
+def markdown(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:
+    """A table."""
     lines = [head, ["---"] * len(head), *body]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -37,7 +37,7 @@ from studies.tree_methods import (
     setting,
 )
 from studies.tree_play import FIXED_ONLY, PRESETS, PRESETS_ONLY, RETUNED, SETTINGS, Score, retuned, score
-from studies.tree_words import tables, title_of
+from studies.tree_words import tables
 
 DESCRIPTION = "trees from demonstrations: objectives, trials and other methods, by held-out error and by play"
 FIRST_SEED = 1001
@@ -314,6 +314,6 @@ def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
     """The figures of docs/trees.md, and its tables."""
     from studies.tree_figures import draw_all
 
-    text = "\n\n".join(f"{title_of(name)}\n\n{each}" for name, each in tables(table(results)).items())
+    text = "\n\n".join(f"{title}\n\n{each}" for title, each in tables(table(results)).items())
     (directory / "tables.md").write_text(f"{text}\n")
     return [*draw_all(results, directory), directory / "tables.md"]

@@ -1,0 +1,43 @@
+"""The tables of the study of leaf tuning as Markdown, for docs/trees.md; a test compares them with the committed data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from studies.study import Row
+from studies.tree_words import markdown, number, spoken
+
+ALONE = "alone"
+TOLD_OF_SINGLES = ("success rate", "cost per goal")
+"""Measures that are told of teams in which one behavior alone is tuned."""
+
+
+def tables(rows: Sequence[Row]) -> dict[str, str]:
+    """Title -> table, in the order of docs/trees.md."""
+    alone = [row for row in rows if row["played"] == ALONE]
+    teams = [row for row in rows if row["played"] != ALONE]
+    whole = [row for row in teams if row["tuned"] == "all"]
+    singles = [row for row in teams if row["tuned"] != "all" and row["measure"] in TOLD_OF_SINGLES]
+    return {
+        "each behavior alone": _table("behavior", alone, ("tuned",)),
+        "the whole team": _table("thresholds", whole, ("played",)),
+        "the team with one tuned behavior": _table("thresholds, tuned", singles, ("played", "tuned")),
+    }
+
+
+def _table(what: str, rows: Sequence[Row], columns: Sequence[str]) -> str:
+    head = ["trees", what, "measure", "before", "after", "change [%]", "difference (95 %)", "p"]
+    body = [
+        [
+            row["trees"],
+            ", ".join(spoken(row[column]).removeprefix("team, ") for column in columns),
+            row["measure"],
+            number(row["before"], ".4g"),
+            number(row["after"], ".4g"),
+            number(row["percent"], "+.1f"),
+            f"{row['difference']:+.3g} ({row['low']:+.3g} to {row['high']:+.3g})",
+            number(row["p"], ".2g"),
+        ]
+        for row in rows
+    ]
+    return markdown(head, body)
