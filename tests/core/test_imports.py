@@ -1,4 +1,5 @@
-"""Who may import whom: scripts -> {fbql_sim, fbql_behaviors, fbql_fusion} -> fbql_common -> fbql_msgs, and a core without ROS."""
+"""Who may import whom: scripts -> {fbql_sim, fbql_behaviors, fbql_fusion, fbql_analysis} -> fbql_common -> fbql_msgs;
+a core without ROS, and fbql_analysis wholly without it."""
 
 from __future__ import annotations
 
@@ -14,12 +15,13 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "ros2_ws" / "src"
-PACKAGES = ("fbql_common", "fbql_sim", "fbql_behaviors", "fbql_fusion")
+PACKAGES = ("fbql_common", "fbql_sim", "fbql_behaviors", "fbql_fusion", "fbql_analysis")
 MAY_IMPORT = {
     "fbql_common": {"fbql_msgs"},
     "fbql_sim": {"fbql_common", "fbql_msgs"},
     "fbql_behaviors": {"fbql_common", "fbql_msgs"},
     "fbql_fusion": {"fbql_common", "fbql_msgs"},
+    "fbql_analysis": {"fbql_common"},
 }
 """What of our own a package may import beside itself."""
 PHYSICS = "fbql_sim.core.physics"
@@ -148,6 +150,14 @@ def breaches(paths: dict[str, Path], is_allowed: Callable[[str, Import], bool]) 
 def test_core_loads_where_ros_cannot_be_imported(package: str) -> None:
     names = list(core_modules(package))
     assert len(names) > 1, "the package has a core/ with modules"
+    assert_loads_without_ros(names)
+
+
+def test_recordings_are_read_where_ros_cannot_be_imported() -> None:
+    assert_loads_without_ros(list(modules("fbql_analysis")))
+
+
+def assert_loads_without_ros(names: list[str]) -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(str(SOURCE / each) for each in PACKAGES)}
     done = subprocess.run(
         [sys.executable, "-c", LOAD_WITHOUT_ROS, ",".join(ROS), *names],
@@ -173,7 +183,7 @@ def test_core_imports_the_standard_library_numpy_and_core_alone(package: str) ->
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_simulator_behaviors_and_fusion_import_fbql_common_and_never_each_other(package: str) -> None:
+def test_packages_import_fbql_common_and_never_each_other(package: str) -> None:
     ours = {"fbql_msgs", "launcher", "environment", "measure", "tests", *PACKAGES}
     allowed = {package, *MAY_IMPORT[package]}
     found = breaches(modules(package), lambda _, each: each.root not in ours or each.root in allowed)

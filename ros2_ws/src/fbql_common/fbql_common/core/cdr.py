@@ -20,10 +20,15 @@ HEADER = b"\x00\x01\x00\x00"
 
 _PRIMITIVES = {
     "bool": ("?", 1),
+    "int8": ("b", 1),
     "uint8": ("B", 1),
+    "int16": ("h", 2),
+    "uint16": ("H", 2),
     "int32": ("i", 4),
     "uint32": ("I", 4),
     "int64": ("q", 8),
+    "uint64": ("Q", 8),
+    "float32": ("f", 4),
     "float64": ("d", 8),
 }
 _LENGTH = Struct("<I")
@@ -59,8 +64,8 @@ class Codec:
     """Encodes the values of one message type, in field order, and decodes them again.
 
     Args:
-        kinds: the fields: a primitive ("bool", "uint8", "int32", "uint32", "int64", "float64"), "string",
-            or "sequence<X>" of any of these.
+        kinds: the fields: a primitive ("bool", "int8" to "int64", "uint8" to "uint64", "float32", "float64"),
+            "string", or "sequence<X>" of any of these.
 
     Raises:
         TypeError: a kind that is not supported.

@@ -1,0 +1,1 @@
+"""The pure part: no ROS, no clock, no path."""

@@ -1,0 +1,121 @@
+"""The messages of a recording, joined to steps by stamp, episode and step, in whatever order they were recorded."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from struct import Struct
+from typing import NamedTuple
+
+from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+
+_WINDOW = 16
+"""Steps that are put together at the same time."""
+_REMEMBERED = 256
+"""Steps that are known to have been given out already."""
+_KEY = Struct("<iI4x6s6xqq")
+"""What every message of ours begins with: sec, nanosec, the frame's length, the frame, episode, step."""
+_FRAME = b"field\0"
+
+Key = tuple[int, int, int]
+"""stamp_ns, episode, step"""
+
+
+class Step(NamedTuple):
+    """One step: a world state, the behaviors' answers to it, and what fusion made of them. None: not recorded."""
+
+    stamp_ns: int
+    episode: int
+    step: int
+    world: World | None
+    outputs: tuple[BehaviorOutput | None, ...]
+    """In the order of the run's `behaviors`."""
+    command: WheelCommand | None
+    decision: Decision | None
+    begins_again: bool = False
+    """Whether fusion began the episode again with this step, because the world was lost."""
+
+
+class StepData:
+    """The same, as the bytes that were recorded; b"" where nothing was."""
+
+    __slots__ = ("begins_again", "data", "episode", "missing", "stamp_ns", "step")
+
+    def __init__(self, key: Key, messages: int) -> None:
+        self.stamp_ns, self.episode, self.step = key
+        self.data = [b""] * messages
+        """World state, answers in the order of the behaviors, command, decision."""
+        self.missing = messages
+        self.begins_again = False
+        """Whether fusion began the episode again with this step, because the world was lost."""
+
+
+def key_of(data: bytes) -> Key | None:
+    """The key of a message of ours, without decoding the rest; None where it is of another frame, or no such bytes."""
+    if len(data) < 4 + _KEY.size or data[:2] != b"\x00\x01":
+        return None
+    sec, nanosec, frame, episode, step = _KEY.unpack_from(data, 4)
+    return (sec * 1_000_000_000 + nanosec, episode, step) if frame == _FRAME else None
+
+
+class StepJoin:
+    """Puts messages together to steps.
+
+    Steps come out in the order in which their first messages came; each as soon as it is complete and all before it
+    are out, or when _WINDOW newer ones have begun. A second message of the same kind for a step is left out.
+
+    Args:
+        messages: how many a complete step has.
+    """
+
+    def __init__(self, messages: int) -> None:
+        self.repeated = 0
+        """Messages that were left out: a step's command that was sent again, a world state that was asked for again."""
+        self._messages = messages
+        self._pending: dict[Key, StepData] = {}
+        self._done: deque[Key] = deque(maxlen=_REMEMBERED)
+        self._done_set: set[Key] = set()
+        self._begins_again = False
+
+    def add(self, place: int, key: Key, data: bytes) -> None:
+        """Adds a message; `place` is its index in `StepData.data`."""
+        step = self._pending.get(key)
+        if step is None:
+            if key in self._done_set:
+                self.repeated += 1
+                return
+            step = self._pending[key] = StepData(key, self._messages)
+            step.begins_again, self._begins_again = self._begins_again, False
+        if step.data[place]:
+            self.repeated += 1
+            return
+        step.data[place] = data
+        step.missing -= 1
+
+    def begin_again(self) -> Iterator[StepData]:
+        """The next step begins its episode again: gives out all steps, and forgets which have been."""
+        yield from self.rest()
+        self._done.clear()
+        self._done_set.clear()
+        self._begins_again = True
+
+    def ready(self) -> Iterator[StepData]:
+        """The steps that are ready."""
+        while self._pending:
+            key = next(iter(self._pending))
+            step = self._pending[key]
+            if step.missing and len(self._pending) <= _WINDOW:
+                return
+            yield self._out(key)
+
+    def rest(self) -> Iterator[StepData]:
+        """All others, at the end."""
+        for key in list(self._pending):
+            yield self._out(key)
+
+    def _out(self, key: Key) -> StepData:
+        if len(self._done) == _REMEMBERED:
+            self._done_set.discard(self._done[0])
+        self._done.append(key)
+        self._done_set.add(key)
+        return self._pending.pop(key)

@@ -1,0 +1,117 @@
+"""Where a recording's files are: a run directory, any directory that `ros2 bag` accepts, or one MCAP file alone.
+
+Nothing outside of the directory is ever read, whatever its metadata.yaml or a symbolic link in it says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import yaml
+from fbql_common.core.errors import BadInput
+
+MAX_TEXT_BYTES = 16 * 2**20
+"""Largest metadata.yaml, config.yaml or the like that is read."""
+
+
+@dataclass
+class RunFiles:
+    """The files of a recording."""
+
+    directory: Path | None
+    """The run directory, or None for an MCAP file alone."""
+    recordings: list[Path]
+    """The MCAP files, in order."""
+    information: dict[str, Any] = field(default_factory=dict[str, Any])
+    """`rosbag2_bagfile_information` of metadata.yaml; empty without one."""
+    warnings: list[str] = field(default_factory=list[str])
+
+
+def find_files(path: Path) -> RunFiles:
+    """The files of the recording at `path`.
+
+    Raises:
+        BadInput: there is none, it is not MCAP, or its metadata names a file outside of the directory.
+    """
+    if path.is_dir():
+        return _in_directory(path)
+    if not path.exists():
+        raise BadInput(f"{path}: no such run or recording")
+    return RunFiles(None, [path])
+
+
+def read_inside(directory: Path, name: str) -> bytes | None:
+    """A file of a run directory; None where there is none.
+
+    Raises:
+        BadInput: it is outside of the directory, too large, or can't be read.
+    """
+    path = _inside(directory, name)
+    if not path.is_file():
+        return None
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_TEXT_BYTES + 1)
+    except OSError as error:
+        raise BadInput(f"{path}: can't be read ({error.strerror})") from None
+    if len(data) > MAX_TEXT_BYTES:
+        raise BadInput(f"{path}: more than {MAX_TEXT_BYTES >> 20} MiB")
+    return data
+
+
+def mapping_from_yaml(data: bytes, where: str) -> dict[str, Any]:
+    """The mapping in a YAML text. Raises BadInput."""
+    try:
+        found = yaml.load(data, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise BadInput(f"{where}: not YAML ({str(error).partition(chr(10))[0]})") from None
+    if not isinstance(found, dict):
+        raise BadInput(f"{where}: no mapping of names to values")
+    return found
+
+
+def _in_directory(directory: Path) -> RunFiles:
+    data = read_inside(directory, "metadata.yaml")
+    if data is None:
+        return _without_metadata(directory)
+    where = str(directory / "metadata.yaml")
+    information = mapping_from_yaml(data, where).get("rosbag2_bagfile_information")
+    if not isinstance(information, dict):
+        raise BadInput(f"{where}: no metadata of a bag (rosbag2_bagfile_information is missing)")
+    storage = information.get("storage_identifier")
+    if storage != "mcap":
+        raise BadInput(f"{where}: a bag of '{storage}', only mcap is read; convert it with `ros2 bag convert`")
+    if information.get("compression_format"):
+        raise BadInput(f"{where}: its files are compressed as a whole; convert it with `ros2 bag convert`")
+    names = information.get("relative_file_paths")
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
+        raise BadInput(f"{where}: it names no recording (relative_file_paths)")
+    recordings = [_inside(directory, name) for name in names]
+    for recording in recordings:
+        if not recording.is_file():
+            raise BadInput(f"{where} names {recording.name}, which is not there")
+    return RunFiles(directory, recordings, information)
+
+
+def _without_metadata(directory: Path) -> RunFiles:
+    names = sorted(path.name for path in directory.iterdir() if path.name.endswith((".mcap", ".mcap.active")))
+    if not names:
+        raise BadInput(f"{directory}: no recording there (neither metadata.yaml nor an .mcap file)")
+    if len(names) > 1:
+        raise BadInput(f"{directory}: no metadata.yaml, and more than one recording ({', '.join(names)}); name one")
+    warning = f"{directory}: no metadata.yaml: the recording was not finished"
+    return RunFiles(directory, [_inside(directory, names[0])], warnings=[warning])
+
+
+def _inside(directory: Path, name: str) -> Path:
+    """A file of the directory. Raises BadInput for a name, or a link, that leads out of it."""
+    path = directory / name
+    try:
+        is_inside = path.resolve().is_relative_to(directory.resolve())
+    except (OSError, RuntimeError, ValueError):  # a circle of links; a name with a null byte
+        is_inside = False
+    if not is_inside or PurePosixPath(name).is_absolute():
+        raise BadInput(f"{directory}: {name!r} leads out of the directory; it is not read")
+    return path
