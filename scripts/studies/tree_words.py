@@ -25,6 +25,8 @@ SHOWN = (
 )
 """The methods that are told of one by one; the others differ in the number of trials."""
 ENDINGS = ("", ", Q from 0")
+COSTS = (0.0, 0.002, 0.006, 0.01, 0.025, 0.06, 0.1, 0.2, 0.3, 0.4)
+"""The costs of a split that are told of [nat]; the recipes' are among them or near."""
 TOLERANCE = 0.12
 """How far above CART's the held-out error of the exact tree of the weighted objective was to be at most."""
 
@@ -36,6 +38,7 @@ def tables(rows: Sequence[Row]) -> dict[str, str]:
     found["error over that of CART at equal leaves"] = _equal_leaves(
         [trees["weighted dp", behavior] for behavior in RECIPES if ("weighted dp", behavior) in trees]
     )
+    found["cost of a split"] = _costs([row for row in rows if row.get("sized_by") in OBJECTIVES])
     played = {(row["method"], row["thresholds"]): row for row in rows if "thresholds" in row}
     found["trials"] = _trials(trees, played)
     for name in SETTINGS:
@@ -84,6 +87,19 @@ def _equal_leaves(rows: Sequence[Row]) -> str:
         for row in rows
     ]
     return markdown(head, body)
+
+
+def _costs(rows: Sequence[Row]) -> str:
+    of = {(row["behavior"], row["sized_by"], row["limit"]): row for row in rows}
+    columns = [(behavior, objective) for behavior in RECIPES for objective in OBJECTIVES]
+    head = ["cost [nat]", *(f"{spoken(behavior)}, {objective}" for behavior, objective in columns)]
+    costs = [cost for cost in COSTS if cost in {row["limit"] for row in rows}]
+    body = [[f"{cost:g}", *(_size(of[behavior, name, cost]) for behavior, name in columns)] for cost in costs]
+    return markdown(head, body)
+
+
+def _size(row: Row) -> str:
+    return f"{row['median_leaves']:.0f}, {row['median_rmse_levels']:.2f}"
 
 
 def _trials(trees: dict[tuple[str, str], Row], played: dict[tuple[str, str], Row]) -> str:

@@ -188,16 +188,34 @@ def _played(trees: Mapping[str, Tree], name: str, seed: int, episodes: int) -> R
 
 
 def table(results: Mapping[str, Result]) -> list[Row]:
-    """Three tables: each method's trees, what they are worth in play, and the leaf counts of the known seeds."""
+    """Four tables: each method's trees, their worth in play, leaves and error against size, leaves of known seeds."""
     by_method = methods_of(results)
     rows = [_tree_summary(method, behavior, by_method) for method in by_method for behavior in RECIPES]
     rows += [
         _play_summary(method, name, by_method) for name in SETTINGS for method in by_method if name in _settings(method)
     ]
+    rows += _size_summaries([row for result in results.values() for row in result.get("sizes", [])])
     for result in results.values():
         for objective, counts in result.get("leaves", {}).items():
             rows += [_band(objective, behavior, leaves) for behavior, leaves in counts.items()]
     return rows
+
+
+def _size_summaries(sizes: Iterable[Row]) -> Iterator[Row]:
+    """Medians over the seeds for each cost of a split, and for each number of leaves that CART may have."""
+    groups: dict[tuple[str, str, float], list[Row]] = {}
+    for row in sizes:
+        limit = row["leaves"] if row["split_cost"] is None else row["split_cost"]
+        groups.setdefault((row["behavior"], row["method"], limit), []).append(row)
+    for (behavior, method, limit), rows in groups.items():
+        yield {
+            "behavior": behavior,
+            "sized_by": method,
+            "limit": limit,
+            "n": len(rows),
+            "median_leaves": median(row["leaves"] for row in rows),
+            "median_rmse_levels": median(row["rmse_levels"] for row in rows),
+        }
 
 
 def methods_of(results: Mapping[str, Result]) -> dict[str, dict[int, dict[str, Any]]]:

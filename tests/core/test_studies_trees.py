@@ -112,6 +112,11 @@ def test_the_study_makes_plays_and_draws_trees_twice_the_same(tmp_path: Path) ->
     assert [each for each in exact if each is not None] == pytest.approx([1.0] * 5)  # one can't split so few patterns
     assert {row["episodes"] for row in played if row["method"] == "one leaf"} == {2}
     assert all(row["n"] == 2 for row in rows if "band" in row)
+    costed = [row for row in rows if row.get("sized_by") == "weighted"]
+    assert [(row["limit"], row["n"]) for row in costed] == [(0.01, 1), (0.1, 1)] * 3
+    assert all(
+        dear["median_leaves"] <= cheap["median_leaves"] for cheap, dear in zip(costed[::2], costed[1::2], strict=True)
+    )
 
     *files, text = trees.figures(results, tmp_path)
     assert "| weighted rl 50 |" in text.read_text()
