@@ -1,0 +1,282 @@
+"""Steps per second of a match in one process, with learning, against the bare physics step, interleaved in one run.
+
+Some episodes are played once and remembered. Then every round measures, one after the other, what the same episodes cost:
+
+whole     the match as train.py plays it: session, world loop, behaviors
+bare      the Chipmunk calls of its physics, and nothing else: velocities set, physics steps, state read
+physics   Physics.step with the same wheel velocities
+loop      WorldLoop.step with the same commands
+resets    WorldLoop.reset with the same seeds
+sensing   Behavior.answer of every behavior to the same worlds
+decide    Session.decide on the same worlds and answers, learning included
+
+`steps_per_s` is of the whole, `physics_steps_per_s` of bare, `ratio` is the median over rounds of whole / bare. `step_us`
+tells where a step's time goes: each part without the one that it contains. The clock is processor time of this process, so
+that other programs on the machine hardly count. The guided episodes are left out: the controller drives and learns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from statistics import median
+from time import process_time
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.storage import load_tree
+from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters
+from fbql_fusion.core.session import Session, episode_seed
+from fbql_sim.core import physics as physics_module
+from fbql_sim.core.parameters import SimulationParameters
+from fbql_sim.core.physics import Physics
+from fbql_sim.core.task import Task
+from fbql_sim.core.world_loop import WorldLoop
+from launcher.in_process import play
+from launcher.make_trees import SHIPPED
+from launcher.options import Parser
+
+PROGRAM = "episode.py"
+SEED = 1
+MICROSECONDS = 1e6
+Velocities = tuple[Any, ...]
+"""What the physics sets before a step: the arguments of its calls, in order."""
+
+
+class Episode(NamedTuple):
+    """An episode that was played."""
+
+    seed: int
+    worlds: list[World]
+    outputs: list[Sequence[BehaviorOutput]]
+    commands: list[tuple[float, float]]
+    """One fewer than worlds: the last one is not driven on from."""
+
+
+def main(argv: Sequence[str]) -> int:
+    """Runs the benchmark. Gives the exit code."""
+    parser = Parser(prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--controller", choices=CONTROLLERS, default="fbql_literal", help="who fuses (fbql_literal)")
+    parser.add_argument("--steps", type=int, default=20_000, metavar="N", help="steps of a round, at least (20000)")
+    parser.add_argument("--rounds", type=int, default=9, metavar="N", help="rounds to take medians over (9)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    arguments = parser.parse_args(list(argv))
+    for name in ("rounds", "steps"):
+        if getattr(arguments, name) < 1:
+            parser.error(f"--{name} is {getattr(arguments, name)}; it must be 1 or more")
+    result = measure(arguments.controller, arguments.steps, arguments.rounds)
+    print(json.dumps(result) if arguments.json else worded(result))
+    return 0
+
+
+def measure(controller: str, steps: int, rounds: int) -> dict[str, Any]:
+    """The figures of a controller."""
+    fusion = FusionParameters(controller=controller, seed=SEED, guided=0)
+    behaviors = [Behavior(name, load_tree(SHIPPED / f"{name}.json")) for name in fusion.behaviors]
+    episodes, digest = remembered(fusion, behaviors, steps)
+    count = sum(len(episode.commands) for episode in episodes)
+    velocities = [velocities_of(episode) for episode in episodes]
+    parts: dict[str, Callable[[], float]] = {
+        "whole": lambda: whole(fusion, behaviors, len(episodes), digest),
+        "bare": lambda: sum(bare(*each) for each in zip(episodes, velocities, strict=True)),
+        "physics": lambda: sum(map(physics, episodes)),
+        "loop": lambda: sum(map(loop, episodes)),
+        "resets": lambda: resets(episodes),
+        "sensing": lambda: sensing(behaviors, episodes),
+        "decide": lambda: decide(fusion, episodes, digest),
+    }
+    found: dict[str, list[float]] = {name: [] for name in parts}
+    for number in range(rounds):
+        for name, part in parts.items():
+            found[name].append(part() / count * MICROSECONDS)
+        words = ", ".join(f"{name} {values[-1]:.2f}" for name, values in found.items())
+        print(f"round {number + 1}/{rounds}: {words} us a step", file=sys.stderr, flush=True)
+
+    def of(value: Callable[[dict[str, float]], float]) -> float:
+        return median(value({name: values[i] for name, values in found.items()}) for i in range(rounds))
+
+    return {
+        "steps_per_s": of(lambda us: MICROSECONDS / us["whole"]),
+        "physics_steps_per_s": of(lambda us: MICROSECONDS / us["bare"]),
+        "ratio": of(lambda us: us["bare"] / us["whole"]),
+        "step_us": {
+            "whole": of(lambda us: us["whole"]),
+            "bare_physics": of(lambda us: us["bare"]),
+            "physics": of(lambda us: us["physics"] - us["bare"]),
+            "task_and_loop": of(lambda us: us["loop"] - us["physics"]),
+            "resets": of(lambda us: us["resets"]),
+            "sensing_and_trees": of(lambda us: us["sensing"]),
+            "decide_and_learn": of(lambda us: us["decide"]),
+            "between": of(lambda us: us["whole"] - us["loop"] - us["resets"] - us["sensing"] - us["decide"]),
+        },
+        "controller": controller,
+        "steps": count,
+        "episodes": len(episodes),
+        "rounds": rounds,
+        "digest": digest,
+        "clock": "processor time",
+    }
+
+
+def remembered(fusion: FusionParameters, behaviors: Sequence[Behavior], steps: int) -> tuple[list[Episode], str]:
+    """Whole episodes of at least so many steps, and their digest."""
+    session, episodes = Session(fusion), list[Episode]()
+
+    def step_decided(
+        world: World, outputs: Sequence[BehaviorOutput], command: WheelCommand, _decision: Decision
+    ) -> None:
+        if world.step == 0:
+            episodes.append(Episode(episode_seed(fusion.seed, world.episode), [], [], []))
+        episodes[-1].worlds.append(world)
+        episodes[-1].outputs.append(outputs)
+        if not world.ended:
+            episodes[-1].commands.append((command.left_rad_s, command.right_rad_s))
+
+    play(session, WorldLoop(), behaviors, lambda: session.steps < steps, step_decided)
+    return episodes, session.digest
+
+
+def whole(fusion: FusionParameters, behaviors: Sequence[Behavior], episodes: int, digest: str) -> float:
+    """Seconds of the match."""
+    session, world_loop = Session(fusion), WorldLoop()
+    begun_s = process_time()
+    play(session, world_loop, behaviors, lambda: len(session.records) < episodes)
+    seconds = process_time() - begun_s
+    assert session.digest == digest
+    return seconds
+
+
+class _Listening:
+    """Chipmunk's functions, which keeps what velocities are set."""
+
+    def __init__(self, functions: Any) -> None:
+        self._functions = functions
+        self.heard: list[Any] = []
+
+    def __getattr__(self, name: str) -> Any:
+        function = getattr(self._functions, name)
+        if "Set" not in name:
+            return function
+
+        def listened(body: Any, value: Any) -> None:
+            self.heard.append(value)
+            function(body, value)
+
+        return listened
+
+
+def velocities_of(episode: Episode) -> list[Velocities]:
+    """What the physics sets before each step: velocity and spin of the robot and, while it rolls, of the ball."""
+    found: list[Velocities] = []
+    listening = _Listening(physics_module.C)
+    with patch.object(physics_module, "C", listening):
+        world_loop = WorldLoop()
+        world_loop.reset(0, episode.seed)
+        for command in episode.commands:
+            listening.heard.clear()
+            world_loop.step(*command)
+            found.append(tuple(listening.heard))
+    return found
+
+
+def bare(episode: Episode, velocities: Sequence[Velocities]) -> float:
+    """Seconds of the Chipmunk calls."""
+    parameters = SimulationParameters()
+    of = Physics(parameters)
+    of.reset(Task(parameters).begin(episode.seed))
+    c, space, robot, ball = physics_module.C, of._c_space, of._c_robot, of._c_ball
+    substeps, substep_s = of._substeps, of._substep_s
+    set_velocity, set_spin, advance = c.cpBodySetVelocity, c.cpBodySetAngularVelocity, c.cpSpaceStep
+    position, velocity, angle, spin = (
+        c.cpBodyGetPosition,
+        c.cpBodyGetVelocity,
+        c.cpBodyGetAngle,
+        c.cpBodyGetAngularVelocity,
+    )
+    begun_s = process_time()
+    for each in velocities:
+        set_velocity(robot, each[0])
+        set_spin(robot, each[1])
+        if len(each) > 2:
+            set_velocity(ball, each[2])
+            set_spin(ball, each[3])
+        for _ in substeps:
+            advance(space, substep_s)
+        position(robot), velocity(robot), angle(robot), spin(robot), position(ball), velocity(ball)
+    seconds = process_time() - begun_s
+    at = position(ball)
+    assert (at.x, at.y) == (episode.worlds[-1].ball_x_m, episode.worlds[-1].ball_y_m)
+    return seconds
+
+
+def physics(episode: Episode) -> float:
+    """Seconds of Physics.step."""
+    parameters = SimulationParameters()
+    task, of = Task(parameters), Physics(parameters)
+    of.reset(task.begin(episode.seed))
+    driven = [task.disturb(*command) for command in episode.commands]
+    step = of.step
+    begun_s = process_time()
+    for left, right in driven:
+        step(left, right)
+    seconds = process_time() - begun_s
+    assert of.ball_x_m == episode.worlds[-1].ball_x_m
+    return seconds
+
+
+def loop(episode: Episode) -> float:
+    """Seconds of WorldLoop.step."""
+    world_loop = WorldLoop()
+    world_loop.reset(0, episode.seed)
+    step = world_loop.step
+    begun_s = process_time()
+    for left, right in episode.commands:
+        step(left, right)
+    return process_time() - begun_s
+
+
+def resets(episodes: Sequence[Episode]) -> float:
+    """Seconds of WorldLoop.reset."""
+    world_loop = WorldLoop()
+    begun_s = process_time()
+    for index, episode in enumerate(episodes):
+        world_loop.reset(index, episode.seed)
+    return process_time() - begun_s
+
+
+def sensing(behaviors: Sequence[Behavior], episodes: Sequence[Episode]) -> float:
+    """Seconds of Behavior.answer."""
+    answers = [behavior.answer for behavior in behaviors]
+    begun_s = process_time()
+    for episode in episodes:
+        for world in episode.worlds:
+            for answer in answers:
+                answer(world)
+    return process_time() - begun_s
+
+
+def decide(fusion: FusionParameters, episodes: Sequence[Episode], digest: str) -> float:
+    """Seconds of Session.decide."""
+    session = Session(fusion)
+    begun_s = process_time()
+    for episode in episodes:
+        session.next_episode()
+        for world, outputs in zip(episode.worlds, episode.outputs, strict=True):
+            session.decide(world, outputs)
+    seconds = process_time() - begun_s
+    assert session.digest == digest
+    return seconds
+
+
+def worded(result: dict[str, Any]) -> str:
+    """The figures for a reader."""
+    lines = [
+        f"{result['controller']}: {result['steps_per_s']:.0f} steps/s, bare physics "
+        f"{result['physics_steps_per_s']:.0f} steps/s, ratio {result['ratio']:.3f}",
+        "where a step goes [us]:",
+    ]
+    return "\n".join([*lines, *(f"  {name:18} {us:6.2f}" for name, us in result["step_us"].items())])
