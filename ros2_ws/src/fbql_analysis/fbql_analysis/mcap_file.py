@@ -274,11 +274,7 @@ class McapFile:
             if opcode == Opcode.DATA_END:
                 if not self.is_whole:
                     self.damage.cut_off_at = at
-                recorded = struct.unpack_from("<I", body)[0] if length >= 4 else 0
-                if recorded and recorded != crc and not self.damage.any:
-                    self._complain(
-                        at, "the CRC of its data section does not match: something beside the chunks is damaged"
-                    )
+                self._check_data_end(body, crc, at)
                 return
             if opcode == Opcode.FOOTER or opcode == 0:
                 self._complain(at, "there is no record where one should be")
@@ -294,6 +290,14 @@ class McapFile:
                 if mark is not None and at in self.metadata:
                     mark(*self.metadata[at])
             at += _HEAD.size + length
+
+    def _check_data_end(self, body: bytes, crc: int, at: int) -> None:
+        recorded = int.from_bytes(body, "little")
+        if len(body) != 4:
+            self._complain(at, "the end of its data section is damaged")
+        elif recorded and recorded != crc and not self.damage.any:
+            # The chunks have CRCs of their own, which matched.
+            self._complain(at, "the CRC of its data section does not match: something beside the chunks is damaged")
 
     def _end_at(self, at: int, length: int) -> None:
         """The file ends in the middle of a record: it was cut off, or, if it has its end, that record is damaged."""

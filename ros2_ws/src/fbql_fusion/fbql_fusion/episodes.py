@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import monotonic
 
 from fbql_common.core.types import World
@@ -23,13 +24,22 @@ class Episodes:
 
     Args:
         lost_after_s: when only world states of something else come for this long, the episode is lost [s].
+        restarted: told when the episode under way begins again.
     """
 
-    def __init__(self, node: GraphNode, session: Session, assembly: StepAssembly, lost_after_s: float) -> None:
+    def __init__(
+        self,
+        node: GraphNode,
+        session: Session,
+        assembly: StepAssembly,
+        lost_after_s: float,
+        restarted: Callable[[], None],
+    ) -> None:
         self._node = node
         self._session = session
         self._assembly = assembly
         self._lost_after_s = lost_after_s
+        self._restarted = restarted
         self._client = node.create_client(ResetEpisode, RESET_EPISODE)
         self.service = node.resolve_service_name(RESET_EPISODE)
         self._asked: tuple[int, int] | None = None
@@ -58,6 +68,7 @@ class Episodes:
         if self.under_way and monotonic() - self.heard_s > self._lost_after_s:
             self.under_way = False
             episode, seed = self._session.restart_episode()
+            self._restarted()
             self._node.get_logger().error(
                 f"the simulator is at episode {world.episode}, step {world.step}: episode {episode} is lost and begins "
                 "again; nothing more is learned in it"

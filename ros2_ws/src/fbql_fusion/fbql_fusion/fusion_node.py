@@ -57,7 +57,9 @@ class FusionNode(GraphNode):
         policy = load_policy(Path(self._settings.policy)) if self._settings.policy else None
         self._session = Session(fusion, policy)
         self._assembly = StepAssembly(fusion.behaviors)
-        self._episodes = Episodes(self, self._session, self._assembly, self._settings.world_timeout_s)
+        self._episodes = Episodes(
+            self, self._session, self._assembly, self._settings.world_timeout_s, lambda: self._run.episode_restarted()
+        )
 
         self._command_publisher = self.create_publisher(WheelCommandMsg, WHEEL_COMMAND, STEP_QOS)
         self._decision_publisher = self.create_publisher(FusionDecision, DECISION, STEP_QOS)

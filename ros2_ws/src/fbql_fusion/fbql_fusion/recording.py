@@ -140,6 +140,15 @@ class Recorder:
         except OSError as error:
             self._fail(error)
 
+    def note(self, name: str, values: Mapping[str, str]) -> None:
+        """Records, between the messages before and after it, something that no message tells: a Metadata record."""
+        if self._closed or self.failed:
+            return
+        try:
+            self._writer.add_metadata(name, values)
+        except OSError as error:
+            self._fail(error)
+
     def flush(self) -> None:
         """Hands everything to the operating system: a process that is killed now loses nothing."""
         if self._closed or self.failed:

@@ -25,7 +25,10 @@ from fbql_fusion.recording import Attachment, Channel, Recorder
 from fbql_fusion.run_directory import RunDirectory, create_run_directory, git_revision, software_versions
 
 DONE, INCOMPLETE = 0, 3
+RESTART_RECORD = "fbql_episode_restart"
+"""Name of the Metadata record that stands before the first step of an episode that begins again."""
 _JSON, _YAML, _NPZ = "application/json", "application/yaml", "application/octet-stream"
+_CSV, _PYTHON = "text/csv", "text/x-python"
 
 
 class Run:
@@ -57,6 +60,7 @@ class Run:
         if parameters.record:
             attachments = [Attachment("config.yaml", _YAML, (self.path / "config.yaml").read_bytes())]
             attachments += [Attachment(f"trees/{file.name}", _JSON, file.read_bytes()) for file in tree_files]
+            attachments += _observations(config)
             if parameters.policy:
                 attachments.append(Attachment("policy_before.npz", _NPZ, Path(parameters.policy).read_bytes()))
             self._recorder = Recorder(
@@ -82,6 +86,11 @@ class Run:
         """Adds the row of the episode that just ended, and hands the recording so far to the operating system."""
         self._directory.add_episode(self._session.records[-1])
         self.flush()
+
+    def episode_restarted(self) -> None:
+        """Records that the episode under way begins again with the next step: its world was lost."""
+        if self._recorder is not None:
+            self._recorder.note(RESTART_RECORD, {})
 
     def flush(self) -> None:
         """Hands what was recorded so far to the operating system."""
@@ -116,6 +125,8 @@ class Run:
                 attachments.append(Attachment("policy.npz", _NPZ, policy_bytes(policy)))
         messages = 0
         if self._recorder is not None:
+            if not self._directory.failed:
+                attachments.append(Attachment("episodes.csv", _CSV, (self.path / "episodes.csv").read_bytes()))
             self._recorder.close(attachments)
             messages = self._recorder.messages
         self._directory.write_summary(self._session.summary(wall_s, messages, self.incomplete))
@@ -160,6 +171,21 @@ def _config(parameters: FusionNodeParameters, session: Session, launcher_file: s
         "git_revision": git_revision(Path(__file__).resolve().parent),
         "parameters": nodes,
     }
+
+
+def _observations(config: Mapping[str, Any]) -> list[Attachment]:
+    """What behaviors of the user's own sense: the Python files that the launcher names as FILE.py:NAME."""
+    sources: dict[str, str] = {
+        name: values["observation"].rpartition(":")[0]
+        for name, values in config["parameters"].items()
+        if name != "fusion" and values.get("observation")
+    }
+    try:
+        return [
+            Attachment(f"observations/{name}.py", _PYTHON, Path(file).read_bytes()) for name, file in sources.items()
+        ]
+    except OSError as error:
+        raise BadInput(f"{error.filename}: the observation can't be recorded ({error.strerror})") from None
 
 
 def _custom_data(config: Mapping[str, Any]) -> dict[str, str]:
