@@ -107,6 +107,22 @@ def test_the_planned_tree_is_worth_the_planned_value(objective: str) -> None:
     assert value_of_splits(boxes, planned.split, parameters) == pytest.approx(planned.value)
 
 
+@settings(deadline=None, max_examples=40)
+@given(rows=ROWS, split_cost=st.sampled_from([0.0, -0.02, -0.2]))
+def test_the_weighted_value_is_the_entropy_that_is_removed_less_the_cost_of_the_splits(
+    rows: list[tuple[float, float, int]], split_cost: float
+) -> None:
+    patterns = patterns_of_rows(rows)
+    found = induce("ball_seeking", patterns, replace(DP, split_cost=split_cost), 0)
+    leaf_ids = found.tree.leaf_ids(patterns.x)
+    left_over = 0.0
+    for leaf_id in range(found.tree.leaf_count):
+        classes = patterns.wheel_class[leaf_ids == leaf_id]
+        left_over += len(classes) / len(rows) * entropy(np.unique(classes, return_counts=True)[1].tolist())
+    removed = entropy(np.unique(patterns.wheel_class, return_counts=True)[1].tolist()) - left_over
+    assert found.value == pytest.approx(removed + split_cost * (found.tree.leaf_count - 1), abs=1e-9)
+
+
 @OBJECTIVES
 @pytest.mark.parametrize("learning_rate", [1.0, 0.3])
 def test_learning_converges_to_the_planned_value(objective: str, learning_rate: float) -> None:
