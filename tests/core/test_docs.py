@@ -35,6 +35,7 @@ EXPECTED = {
     "docs/glossary.md",
     "docs/paper_to_code.md",
     "docs/parameters.md",
+    "docs/trees.md",
     "docs/recordings.md",
 }
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
