@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import yaml
 from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.types import BehaviorOutput, World
 from fbql_common.wire import encode_command, encode_decision, encode_output, encode_world
@@ -41,6 +42,7 @@ def record_match(
     hear: Hear = all_of_them,
     restart_at: Mapping[int, tuple[int, int]] | None = None,
     trees: Path = TREES,
+    observations: Mapping[str, str] | None = None,
     close: bool = True,
     **fusion: Any,
 ) -> Path:
@@ -53,6 +55,7 @@ def record_match(
         hear: what of the behaviors' answers reaches fusion.
         restart_at: episode -> the step at which its world is lost once, and the one at which the new one is heard.
         trees: directory with NAME.json of each behavior.
+        observations: FILE.py:NAME of what behaviors of one's own sense.
         close: whether the recording is finished; else it is what a SIGKILL leaves.
         fusion: parameters of fusion.
     """
@@ -60,10 +63,16 @@ def record_match(
     files = {name: trees / f"{name}.json" for name in parameters.behaviors}
     session = Session(parameters, None if policy is None else load_policy(policy))
     loop = WorldLoop(SimulationParameters(max_steps=max_steps))
-    behaviors = [Behavior(name, load_tree(path)) for name, path in files.items()]
+    sources = dict(observations or {})
+    behaviors = [
+        Behavior(name, load_tree(path), find_observation(name, sources.get(name, ""))) for name, path in files.items()
+    ]
     directory.mkdir()
     (directory / "log").mkdir()
-    nodes = {f"/{name}": {"ros__parameters": {"tree_file": str(path)}} for name, path in files.items()}
+    own = {name: {"observation": source} for name, source in sources.items()}
+    nodes = {
+        f"/{name}": {"ros__parameters": {"tree_file": str(path), **own.get(name, {})}} for name, path in files.items()
+    }
     launcher_file = directory / "log" / "parameters.yaml"
     launcher_file.write_text(yaml.safe_dump(nodes))
     settings = FusionNodeParameters(

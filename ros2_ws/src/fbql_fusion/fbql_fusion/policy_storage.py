@@ -76,22 +76,33 @@ def load_policy(path: Path) -> Policy:
             one line with the file and the reason.
     """
     try:
-        return _policy_from(_read(path))
-    except BadInput as error:
-        raise BadInput(f"{path}: {error}") from None
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            raise BadInput(f"{path}: {size} bytes; a policy has at most {MAX_BYTES}")
+        with path.open("rb") as file:
+            return _policy_in(file, str(path))
     except OSError as error:
         raise BadInput(f"{path}: the policy can't be read ({error.strerror or error})") from None
+
+
+def policy_from_bytes(data: bytes, where: str) -> Policy:
+    """The same, of a file's bytes, as a recording holds them. `where` is what they are called in an error."""
+    return _policy_in(io.BytesIO(data), where)
+
+
+def _policy_in(file: IO[bytes], where: str) -> Policy:
+    try:
+        return _policy_from(_read(file))
+    except BadInput as error:
+        raise BadInput(f"{where}: {error}") from None
     except _NO_POLICY as error:
         reason = str(error).partition("\n")[0]
-        raise BadInput(f"{path}: not a policy file ({reason or type(error).__name__})") from None
+        raise BadInput(f"{where}: not a policy file ({reason or type(error).__name__})") from None
 
 
-def _read(path: Path) -> dict[str, NDArray[Any]]:
+def _read(file: IO[bytes]) -> dict[str, NDArray[Any]]:
     """The arrays of a .npz, its sizes checked before anything is unpacked."""
-    size = path.stat().st_size
-    if size > MAX_BYTES:
-        raise BadInput(f"{size} bytes; a policy has at most {MAX_BYTES}")
-    with zipfile.ZipFile(path) as archive:
+    with zipfile.ZipFile(file) as archive:
         members = archive.infolist()
         if len(members) > MAX_ARRAYS:
             raise BadInput(f"{len(members)} arrays; a policy has at most {MAX_ARRAYS}")
