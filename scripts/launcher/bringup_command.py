@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from fbql_common.core.errors import BadInput
 from fbql_common.spin import refuse_security
 
+from launcher.domains import domain_from
 from launcher.graph import Mode
 from launcher.in_process import rehearse
 from launcher.interrupts import Interrupted, Interrupts
 from launcher.options import Match, Parser, make_run_directory, match_from, match_parser
 from launcher.panel import Panel, print_result
 from launcher.result import next_steps, summary_text
-from launcher.supervision import BAD_INPUT, FAILED, INCOMPLETE, Supervision, domain_from
+from launcher.supervision import BAD_INPUT, FAILED, INCOMPLETE, Supervision
 
 PROGRAM = "bringup.py"
 START_TIMEOUT_S = 30.0

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import closing, contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import closing, nullcontext
 from time import monotonic, sleep
 
-import domain_coordinator
 from fbql_common.core.errors import BadInput
 
 from launcher import graph
+from launcher.domains import free_domain
 from launcher.interrupts import Interrupts
 from launcher.observer import Observer
 from launcher.options import Match
@@ -19,8 +19,6 @@ from launcher.panel import Panel
 from launcher.processes import NodeProcess, start, stop
 
 DONE, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
-MAX_DOMAIN_ID = 232
-"""The last domain whose ports exist."""
 _LOOK_S = 0.05
 _DISCOVERY_S = 3.0
 """Within this every participant of a domain announces itself again [s]."""
@@ -29,31 +27,6 @@ _WORDS_S = 3.0
 
 class Failure(Exception):
     """The graph did not do its job; the text says what happened."""
-
-
-def domain_from(program: str) -> int | None:
-    """The domain that ROS_DOMAIN_ID names, None where it is not set. Raises BadInput for one that can't be."""
-    text = os.environ.get("ROS_DOMAIN_ID", "")
-    if not text:
-        return None
-    if not (text.isascii() and text.isdigit() and int(text) <= MAX_DOMAIN_ID):
-        raise BadInput(
-            f"{program}: ROS_DOMAIN_ID is '{text}'; set a number from 0 to {MAX_DOMAIN_ID}, or unset it to get a free domain"
-        )
-    return int(text)
-
-
-@contextmanager
-def _free_domain() -> Generator[int]:
-    try:
-        domain = domain_coordinator.domain_id()
-        number = domain.__enter__()
-    except RuntimeError:
-        raise BadInput("every domain from 1 to 100 is in use here; set ROS_DOMAIN_ID") from None
-    try:
-        yield number
-    finally:
-        domain.__exit__(None, None, None)
 
 
 class Supervision:
@@ -91,7 +64,7 @@ class Supervision:
             BadInput: refused before any process was started.
             Interrupted: a signal came before any process was started.
         """
-        with nullcontext(self._domain_id) if self._domain_id is not None else _free_domain() as domain_id:
+        with nullcontext(self._domain_id) if self._domain_id is not None else free_domain() as domain_id:
             # Logs stay with the run, wherever HOME is.
             os.environ["ROS_LOG_DIR"] = str(match.out / "log")
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"

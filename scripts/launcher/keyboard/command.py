@@ -14,6 +14,7 @@ from fbql_behaviors.core.observation import observation_of
 from fbql_behaviors.core.recipes import recipe_of
 from fbql_common.spin import refuse_security
 
+from launcher.domains import domain_from, free_domain
 from launcher.instruct import simulation_of, starts
 from launcher.interrupts import Interrupts
 from launcher.keyboard.drive import Drive
@@ -22,8 +23,6 @@ from launcher.keyboard.safekeeping import Safekeeping
 from launcher.keyboard.sitting import Kept, Sitting
 from launcher.keyboard.terminal import Terminal
 from launcher.panel import Panel
-from launcher.supervision import _free_domain as free_domain
-from launcher.supervision import domain_from
 
 
 class Outcome(NamedTuple):
