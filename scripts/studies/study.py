@@ -58,6 +58,7 @@ class Study(Protocol):
 STUDIES: dict[str, str] = {
     "leaf_tuning": "studies.leaf_tuning",
     "paper": "studies.paper",
+    "peers": "studies.peers",
     "trees": "studies.trees",
 }
 """Name of a study -> the module that is it."""
