@@ -31,7 +31,7 @@ from fbql_behaviors.storage import load_tree
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters
 from fbql_fusion.core.session import Session, episode_seed
-from fbql_sim.core import physics as physics_module
+from fbql_sim.core import physics as chipmunk
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.physics import Physics
 from fbql_sim.core.task import Task
@@ -150,36 +150,26 @@ def whole(fusion: FusionParameters, behaviors: Sequence[Behavior], episodes: int
     return seconds
 
 
-class _Listening:
-    """Chipmunk's functions, which keeps what velocities are set."""
+def velocities_of(episode: Episode) -> list[Velocities]:
+    """What the physics sets before each step: velocity and spin of the robot and, while it rolls, of the ball."""
+    found: list[Velocities] = []
+    heard: list[Any] = []
 
-    def __init__(self, functions: Any) -> None:
-        self._functions = functions
-        self.heard: list[Any] = []
-
-    def __getattr__(self, name: str) -> Any:
-        function = getattr(self._functions, name)
-        if "Set" not in name:
-            return function
-
+    def listening(function: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
         def listened(body: Any, value: Any) -> None:
-            self.heard.append(value)
+            heard.append(value)
             function(body, value)
 
         return listened
 
-
-def velocities_of(episode: Episode) -> list[Velocities]:
-    """What the physics sets before each step: velocity and spin of the robot and, while it rolls, of the ball."""
-    found: list[Velocities] = []
-    listening = _Listening(physics_module.C)
-    with patch.object(physics_module, "C", listening):
+    functions = {name: listening(getattr(chipmunk, name)) for name in ("set_velocity", "set_spin")}
+    with patch.multiple(chipmunk, **functions):
         world_loop = WorldLoop()
         world_loop.reset(0, episode.seed)
         for command in episode.commands:
-            listening.heard.clear()
+            heard.clear()
             world_loop.step(*command)
-            found.append(tuple(listening.heard))
+            found.append(tuple(heard))
     return found
 
 
@@ -188,15 +178,11 @@ def bare(episode: Episode, velocities: Sequence[Velocities]) -> float:
     parameters = SimulationParameters()
     of = Physics(parameters)
     of.reset(Task(parameters).begin(episode.seed))
-    c, space, robot, ball = physics_module.C, of._c_space, of._c_robot, of._c_ball
+    space, robot, ball = of._c_space, of._c_robot, of._c_ball
     substeps, substep_s = of._substeps, of._substep_s
-    set_velocity, set_spin, advance = c.cpBodySetVelocity, c.cpBodySetAngularVelocity, c.cpSpaceStep
-    position, velocity, angle, spin = (
-        c.cpBodyGetPosition,
-        c.cpBodyGetVelocity,
-        c.cpBodyGetAngle,
-        c.cpBodyGetAngularVelocity,
-    )
+    set_velocity, set_spin, advance = chipmunk.set_velocity, chipmunk.set_spin, chipmunk.advance
+    position, velocity = chipmunk.get_position, chipmunk.get_velocity
+    angle, spin = chipmunk.get_angle, chipmunk.get_spin
     begun_s = process_time()
     for each in velocities:
         set_velocity(robot, each[0])

@@ -45,6 +45,14 @@ def test_worlds_are_counted_from_the_reset_and_time_never_goes_back() -> None:
     assert loop.dt_s == 1 / 60
 
 
+def test_a_world_has_a_value_for_each_of_its_fields_and_no_more() -> None:
+    loop = WorldLoop()
+    for world in (loop.reset(0, seed=0), loop.step(10.0, 10.0)):
+        assert type(world) is World
+        assert len(world) == len(World._fields)
+        assert World(*world) == world
+
+
 def test_a_reset_shows_the_start_at_rest_without_events() -> None:
     world = WorldLoop().reset(4, 9)
     assert (world.episode, world.step) == (4, 0)

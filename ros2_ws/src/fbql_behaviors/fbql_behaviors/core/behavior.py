@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite
 
 from fbql_common.core.errors import BadInput
-from fbql_common.core.types import BehaviorOutput, World
+from fbql_common.core.types import BehaviorOutput, World, made_of
 
 from fbql_behaviors.core.observation import Observation, observation_of
 from fbql_behaviors.core.tree import Tree
@@ -41,7 +41,7 @@ class Behavior:
         if clamped:
             self._count_clamped(observation)
         leaf_id, left, right = self._answer(observation)
-        return BehaviorOutput(
+        values = (
             world.stamp_ns,
             world.episode,
             world.step,
@@ -54,6 +54,7 @@ class Behavior:
             clamped,
             observation,
         )
+        return made_of(BehaviorOutput, values)
 
     def _count_clamped(self, observation: tuple[float, ...]) -> None:
         for feature, value in zip(self.tree.features, observation, strict=True):

@@ -95,28 +95,30 @@ def closest_wall_point(x_m: float, y_m: float) -> tuple[float, float, float]:
         x, y, nx, ny = px if px < SIDE_END else SIDE_END, HALF_WIDTH, 0.0, -1.0
         dx, dy = x - px, y - py
         best = dx * dx + dy * dy
-        # the end wall between the corner triangle and the post
+        # what is at the end of the field is at least as far away as the end wall's line
         dx = HALF_LENGTH - px
-        if py >= HALF_GOAL:
-            ey = py if py < END_END else END_END
-            dy = ey - py
-            distance = dx * dx + dy * dy
-            if distance < best:
-                best = distance
-                x, y, nx, ny = HALF_LENGTH, ey, -1.0, 0.0
-        else:
-            dy = HALF_GOAL - py
-            distance = dx * dx + dy * dy
-            if distance < best:
-                best = distance
-                length = sqrt(distance) or 1.0
-                x, y, nx, ny = HALF_LENGTH, HALF_GOAL, -dx / length, -dy / length
-            # the back of the pocket, seen through the mouth
-            dx = POCKET - px
-            distance = dx * dx
-            if distance < best:
-                best = distance
-                x, y, nx, ny = POCKET, py, -1.0, 0.0
+        if dx * dx < best:
+            if py >= HALF_GOAL:
+                # the end wall between the corner triangle and the post
+                ey = py if py < END_END else END_END
+                dy = ey - py
+                distance = dx * dx + dy * dy
+                if distance < best:
+                    best = distance
+                    x, y, nx, ny = HALF_LENGTH, ey, -1.0, 0.0
+            else:
+                dy = HALF_GOAL - py
+                distance = dx * dx + dy * dy
+                if distance < best:
+                    best = distance
+                    length = sqrt(distance) or 1.0
+                    x, y, nx, ny = HALF_LENGTH, HALF_GOAL, -dx / length, -dy / length
+                # the back of the pocket, seen through the mouth
+                dx = POCKET - px
+                distance = dx * dx
+                if distance < best:
+                    best = distance
+                    x, y, nx, ny = POCKET, py, -1.0, 0.0
         # the corner triangle: t runs along its 45 degree face
         t = 0.5 * (px - SIDE_END + HALF_WIDTH - py)
         if 0.0 < t < CORNER:

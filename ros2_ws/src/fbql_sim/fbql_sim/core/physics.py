@@ -20,6 +20,13 @@ from fbql_sim.core.parameters import SimulationParameters
 
 C: Any = import_module("pymunk._chipmunk_cffi").lib
 """pymunk's C functions; they have no type declarations."""
+get_position, get_velocity, get_angle, get_spin = (
+    C.cpBodyGetPosition,
+    C.cpBodyGetVelocity,
+    C.cpBodyGetAngle,
+    C.cpBodyGetAngularVelocity,
+)
+set_velocity, set_spin, advance = C.cpBodySetVelocity, C.cpBodySetAngularVelocity, C.cpSpaceStep
 
 ROBOT, BALL, WALL = 1, 2, 3
 """Collision types."""
@@ -95,39 +102,39 @@ class Physics:
 
     def step(self, left_rad_s: float, right_rad_s: float) -> None:
         """Advances by dt under wheel velocities [rad/s], which are clipped to ±MAX_WHEEL_RAD_S."""
-        left = WHEEL_RADIUS_M * min(max(left_rad_s, -MAX_WHEEL_RAD_S), MAX_WHEEL_RAD_S)
-        right = WHEEL_RADIUS_M * min(max(right_rad_s, -MAX_WHEEL_RAD_S), MAX_WHEEL_RAD_S)
+        left = WHEEL_RADIUS_M * _limited(left_rad_s, -MAX_WHEEL_RAD_S, MAX_WHEEL_RAD_S)
+        right = WHEEL_RADIUS_M * _limited(right_rad_s, -MAX_WHEEL_RAD_S, MAX_WHEEL_RAD_S)
         # each wheel's ground speed changes from the solved one by no more than the acceleration allows
         limit = self._speed_change
         speed, turn = self.robot_speed_m_s, self.robot_yaw_rate_rad_s * (AXLE_M / 2)
         now_left, now_right = speed - turn, speed + turn
-        left = min(max(left, now_left - limit), now_left + limit)
-        right = min(max(right, now_right - limit), now_right + limit)
+        left = _limited(left, now_left - limit, now_left + limit)
+        right = _limited(right, now_right - limit, now_right + limit)
         speed = (left + right) / 2
         # the wheels' grip takes sideways speed away, as much as it can
         slip, grip = self.robot_slip_m_s, self._slip_change
         slip = slip - grip if slip > grip else slip + grip if slip < -grip else 0.0
         cosine, sine = self._cosine, self._sine
         robot, ball, space = self._c_robot, self._c_ball, self._c_space
-        C.cpBodySetVelocity(robot, (speed * cosine - slip * sine, speed * sine + slip * cosine))
-        C.cpBodySetAngularVelocity(robot, (right - left) / AXLE_M)
+        set_velocity(robot, (speed * cosine - slip * sine, speed * sine + slip * cosine))
+        set_spin(robot, (right - left) / AXLE_M)
 
         vx, vy = self.ball_vx_m_s, self.ball_vy_m_s
         if vx or vy:
             keep = self._keep if vx * vx + vy * vy >= self._rest_squared else 0.0
-            C.cpBodySetVelocity(ball, (vx * keep, vy * keep))
-            C.cpBodySetAngularVelocity(ball, C.cpBodyGetAngularVelocity(ball) * keep)
+            set_velocity(ball, (vx * keep, vy * keep))
+            set_spin(ball, get_spin(ball) * keep)
 
         contacts = self._contacts
         contacts.touched = contacts.count > 0
-        advance, substep_s = C.cpSpaceStep, self._substep_s
+        substep_s = self._substep_s
         for _ in self._substeps:
             advance(space, substep_s)
         self._read()
 
     def _read(self) -> None:
         robot, ball = self._c_robot, self._c_ball
-        position, velocity, angle = C.cpBodyGetPosition(robot), C.cpBodyGetVelocity(robot), C.cpBodyGetAngle(robot)
+        position, velocity, angle = get_position(robot), get_velocity(robot), get_angle(robot)
         cosine, sine = cos(angle), sin(angle)
         vx, vy = velocity.x, velocity.y
         self._cosine, self._sine = cosine, sine
@@ -135,8 +142,8 @@ class Physics:
         self.robot_yaw_rad = wrap_angle(angle)
         self.robot_speed_m_s = vx * cosine + vy * sine
         self.robot_slip_m_s = vy * cosine - vx * sine
-        self.robot_yaw_rate_rad_s = C.cpBodyGetAngularVelocity(robot)
-        position, velocity = C.cpBodyGetPosition(ball), C.cpBodyGetVelocity(ball)
+        self.robot_yaw_rate_rad_s = get_spin(robot)
+        position, velocity = get_position(ball), get_velocity(ball)
         self.ball_x_m, self.ball_y_m = position.x, position.y
         self.ball_vx_m_s, self.ball_vy_m_s = velocity.x, velocity.y
         self.robot_touched_wall = self._contacts.touched
@@ -158,6 +165,11 @@ class _WallContacts:
 
     def end(self, _arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
         self.count -= 1
+
+
+def _limited(value: float, low: float, high: float) -> float:
+    """Within [low, high]; several times as fast as min and max."""
+    return low if value < low else high if value > high else value
 
 
 def _set_material(shape: pymunk.Shape, collision_type: int, elasticity: float, friction: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 
-from fbql_common.core.types import World
+from fbql_common.core.types import World, made_of
 
 from fbql_sim.core.arena import closest_wall_point
 from fbql_sim.core.parameters import SimulationParameters
@@ -50,7 +50,7 @@ class WorldLoop:
             ValueError: a wheel velocity is not finite; nothing has moved.
             RuntimeError: no episode is running (before the first reset, or after an ended world).
         """
-        world = self.world
+        world = self._world or self.world  # the property says what is wrong where there is none
         if world.terminated or world.truncated:
             raise RuntimeError(f"episode {world.episode} ended at step {world.step}: call reset first")
         if not (isfinite(left_rad_s) and isfinite(right_rad_s)):
@@ -66,7 +66,7 @@ class WorldLoop:
         self._worlds += 1
         x, y = physics.robot_x_m, physics.robot_y_m
         wall_x, wall_y, wall_yaw = closest_wall_point(x, y)
-        self._world = world = World(
+        values = (
             round(self._worlds * self.dt_s * 1e9),
             self._episode,
             self._step,
@@ -84,4 +84,5 @@ class WorldLoop:
             wall_yaw,
             *events,
         )
+        self._world = world = made_of(World, values)
         return world
