@@ -102,6 +102,17 @@ def test_the_upper_edge_of_the_root_region_is_outside_and_nan_is_nowhere() -> No
     assert not tree.contains((nan, 0.0))
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_the_root_region_contains_a_point_that_is_inside_in_every_feature(count: int) -> None:
+    features = tuple(Feature(f"feature_{k}", "m", float(k), k + 1.0) for k in range(count))
+    tree = tree_of([0], 1, features)
+    inside = [k + 0.5 for k in range(count)]
+    assert tree.contains(inside)
+    for k in range(count):
+        for value in (k - 0.5, k + 1.0, nan):
+            assert not tree.contains([*inside[:k], value, *inside[k + 1 :]])
+
+
 def test_the_hash_tells_any_difference() -> None:
     tree = small()
     assert tree.hash == small().hash

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, nextafter
 from typing import Any, NamedTuple
@@ -67,15 +67,16 @@ class Tree:
     origin: Mapping[str, Any] = field(default_factory=dict[str, Any])
     hash: str = field(init=False)
     """SHA-256 of the tree's whole content, 64 hexadecimal digits: the same in the file and in every process."""
+    contains: Callable[[Sequence[float]], bool] = field(init=False, repr=False, compare=False)
+    """Whether an observation [d] is inside of the root region. NaN is nowhere inside."""
     _root: tuple[Any, Any, Any, Any] = field(init=False, repr=False, compare=False)
-    _bounds: Region = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         _check_features(self.features)
         _check_leaves(self.leaves)
         order = _check_nodes(self)
         object.__setattr__(self, "_root", _nested(self, order))
-        object.__setattr__(self, "_bounds", tuple((feature.low, feature.high) for feature in self.features))
+        object.__setattr__(self, "contains", _contains(tuple((feature.low, feature.high) for feature in self.features)))
         object.__setattr__(self, "hash", hashlib.sha256(canonical(self.content()).encode()).hexdigest())
 
     @property
@@ -88,13 +89,6 @@ class Tree:
         while feature >= 0:
             feature, threshold, left, right = left if observation[feature] < threshold else right
         return threshold, left, right
-
-    def contains(self, observation: Sequence[float]) -> bool:
-        """Whether an observation [d] is inside of the root region. NaN is nowhere inside."""
-        for value, (low, high) in zip(observation, self._bounds, strict=True):  # noqa: SIM110 - all() takes twice as long
-            if not low <= value < high:
-                return False
-        return True
 
     def clamp(self, observation: Sequence[float]) -> tuple[float, ...]:
         """The observation moved into the root region: below `low` to `low`, from `high` on to the last float below it."""
@@ -152,6 +146,14 @@ def split_region(region: Region, feature: int, threshold: float) -> tuple[Region
     low, high = region[feature]
     before, after = region[:feature], region[feature + 1 :]
     return (*before, (low, threshold), *after), (*before, (threshold, high), *after)
+
+
+def _contains(region: Region) -> Callable[[Sequence[float]], bool]:
+    """Whether a point is inside of a region. Two comparisons in a row take a fifth of the time of a loop."""
+    if len(region) == 2:
+        (low, high), (other_low, other_high) = region
+        return lambda point: low <= point[0] < high and other_low <= point[1] < other_high
+    return lambda point: all(low <= value < high for value, (low, high) in zip(point, region, strict=True))
 
 
 def canonical(content: Any) -> str:
