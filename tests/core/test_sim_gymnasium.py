@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,9 @@ try:
 except ModuleNotFoundError as error:
     print(error)
 """
+
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "peers.md"
 
 
 def made(**parameters: Any) -> Any:
@@ -183,3 +188,17 @@ def test_without_gymnasium_the_package_works_and_the_environment_says_what_is_mi
     assert done.stdout == (
         "fbql_sim.gymnasium_env needs Gymnasium, which is an optional extra: pip install gymnasium\n"
     )
+
+
+def test_the_example_of_the_page_plays_an_episode(capsys: pytest.CaptureFixture[str]) -> None:
+    [example] = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), flags=re.MULTILINE | re.DOTALL)
+    exec(compile(example, str(PAGE), "exec"), {})
+    steps, goal, truncated = capsys.readouterr().out.split()
+    assert 0 < int(steps) <= 4000
+    assert (goal, truncated) in {("True", "False"), ("False", "True"), ("False", "False")}
+
+
+def test_the_page_tells_the_rewards_that_are_the_defaults() -> None:
+    parameters = made().parameters
+    told = f"{parameters.reward_goal:g} for a goal, {parameters.reward_own_goal:g} for an own goal"
+    assert f"{told}, {parameters.reward_collision:g} for a collision when it begins" in PAGE.read_text()
