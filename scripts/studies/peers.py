@@ -60,7 +60,7 @@ def tasks(options: argparse.Namespace) -> list[Task]:
     learners = LEARNERS
     if find_spec(EXTRA) is None:
         learners = tuple(method for method in LEARNERS if method not in NEED_PPO)
-        print(f"{', '.join(NEED_PPO)} are left out, {NOT_INSTALLED}", file=sys.stderr)
+        print(f"left out: {'; '.join(NEED_PPO)} ({NOT_INSTALLED})", file=sys.stderr)
     sets = range(options.trees)
     given = {"steps": options.steps, "episodes": options.episodes}
     found = [
