@@ -18,10 +18,10 @@ class ProgressLine:
         self._width = 0
         self._is_terminal = self._stream.isatty()
 
-    def show(self, text: str, at_once: bool = False) -> None:
-        """Shows a line in place of the last, not more often than one can read unless `at_once`."""
+    def show(self, text: str) -> None:
+        """Shows a line in place of the last, not more often than one can read."""
         now = monotonic()
-        if self._is_terminal and (at_once or now - self._shown_s >= _PERIOD_S):
+        if self._is_terminal and now - self._shown_s >= _PERIOD_S:
             self._shown_s = now
             self._write(text)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from contextlib import closing
+from dataclasses import asdict
 from time import monotonic
 from typing import Any
 
@@ -64,7 +65,7 @@ def _values(
     return {
         "identical": difference is None,
         "steps": found.steps,
-        "first_difference": None if difference is None else {**difference._asdict(), "words": difference.words},
+        "first_difference": None if difference is None else {**asdict(difference), "words": difference.words},
         "digest": found.digest,
         "not_recomputed": found.not_recomputed,
         "unfinished_steps": found.unfinished,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from struct import pack
 from typing import Any, NamedTuple
 
@@ -25,7 +26,8 @@ from launcher.recomputation import OutOfPlace, Retold, Team
 _SAY_STEPS = 4096
 
 
-class Difference(NamedTuple):
+@dataclass(frozen=True)
+class Difference:
     """The first thing that is not as it was recorded."""
 
     index: int

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
@@ -15,12 +15,28 @@ Change = Callable[[Message], bytes | None]
 """The data of a message afterwards; None leaves it out."""
 
 
-def rewrite(source: Path, target: Path, change: Change, leave_out: tuple[str, ...] = ()) -> Path:
-    """Copies a run, with messages changed and attachments left out. Gives the copy's directory."""
+def rewrite(
+    source: Path,
+    target: Path,
+    change: Change,
+    leave_out: tuple[str, ...] = (),
+    qos: Mapping[str, Qos] | None = None,
+    type_hash: Mapping[str, str] | None = None,
+) -> Path:
+    """Copies a run, with messages changed, attachments left out, and what is said of topics changed.
+
+    Gives the copy's directory.
+    """
     run = open_run(source)
     shutil.copytree(source, target, ignore=shutil.ignore_patterns("*.mcap", "metadata.yaml"))
     channels = [
-        Channel(topic.name, topic.type_name, topic.schema, topic.metadata["topic_type_hash"], Qos())
+        Channel(
+            topic.name,
+            topic.type_name,
+            topic.schema,
+            (type_hash or {}).get(topic.name, topic.metadata["topic_type_hash"]),
+            (qos or {}).get(topic.name, Qos()),
+        )
         for topic in run.topics.values()
     ]
     attachments = [Attachment(name, "", data) for name, data in run.attachments.items() if name not in leave_out]
