@@ -40,7 +40,7 @@ class PpoParameters:
     log_std_init: float = 0.0
 
 
-SETTINGS = {"blend": PpoParameters(hold_steps=10), "wheels": PpoParameters(hold_steps=4)}
+SETTINGS = {"blend": PpoParameters(hold_steps=10, decisions=128), "wheels": PpoParameters(hold_steps=8)}
 """Chosen on tuning seeds and on the trees that ship."""
 
 

@@ -24,13 +24,14 @@ class TabularParameters:
     hold_steps: int = 10
     """Steps that a behavior drives before the next is selected."""
     learning_rate: float = 0.1
-    discount: float = 0.999
+    discount: float = 0.9995
     """Per step of the simulator."""
-    epsilon_start: float = 0.5
+    epsilon_start: float = 0.1
     """Share of random selections at first; it falls linearly to `epsilon_end` over `epsilon_share` of the budget."""
-    epsilon_end: float = 0.05
+    epsilon_end: float = 0.02
     epsilon_share: float = 0.5
-    initial_q: float = 0.0
+    initial_q: float = 5.0
+    """Above what most joint states are worth: what was not tried yet is tried."""
 
 
 class TabularQ:

@@ -13,7 +13,7 @@ from fbql_sim.gymnasium_env import WheelsEnv
 from numpy.typing import NDArray
 
 TOP_SPEED_M_S, TOP_YAW_RATE_RAD_S = 1.76, 50.0
-GOAL_DISTANCE_WEIGHT, BALL_DISTANCE_WEIGHT = 2.0, 1.0
+GOAL_DISTANCE_WEIGHT, BALL_DISTANCE_WEIGHT = 10.0, 4.0
 """Reward for each metre that the ball comes nearer to the goal, and the robot to the ball."""
 
 
