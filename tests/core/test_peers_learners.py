@@ -29,7 +29,7 @@ def test_q_moves_by_the_learning_rate_towards_its_target_and_no_other_q_moves() 
 
 
 def test_the_best_behavior_is_selected_ties_are_drawn_and_epsilon_draws_all() -> None:
-    q = TabularQ(3, TabularParameters())
+    q = TabularQ(3, TabularParameters(initial_q=0.0))
     select = partial(q.select, HERE, rng=np.random.default_rng(0))
     assert {select(0.0) for _ in range(50)} == {0, 1, 2}
     q.update(HERE, 0, -1.0)
