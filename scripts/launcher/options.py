@@ -131,13 +131,14 @@ def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any
     name, equals, text = setting.partition("=")
     for values, declaration in ((fusion, FusionParameters), (simulation, SimulationParameters)):
         if equals and name in limits_of(declaration):
-            values[name] = _parsed(text, types_of(declaration)[name], name, program)
+            values[name] = parsed(text, types_of(declaration)[name], name, program)
             return
     known = ", ".join(sorted([*limits_of(FusionParameters), *limits_of(SimulationParameters)]))
     raise BadInput(f"{program}: --set {setting}: write NAME=VALUE with one of the names {known}")
 
 
-def _parsed(text: str, kind: Any, name: str, program: str) -> Any:
+def parsed(text: str, kind: Any, name: str, program: str) -> Any:
+    """The value that a text says, of a parameter of this kind. Raises BadInput."""
     if kind is bool:
         if text in ("true", "false"):
             return text == "true"
