@@ -84,7 +84,7 @@ def curves_figure(learners: Runs) -> Figure:
     axis.set_xlabel("share of the budget")
     axis.set_ylabel("success rate in training")
     axis.set_xlim(0, 1)
-    axis.set_ylim(0, 1)
+    axis.set_ylim(-0.02, 1.02)  # lines at the edges are to be seen
     axis.grid(lw=0.4)
     axis.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
