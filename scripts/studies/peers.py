@@ -127,15 +127,16 @@ def _run_row(method: str, tree_set: int, seed: int, score: Score, training_steps
 
 def table(results: Mapping[str, Result]) -> list[Row]:
     """Method x what it reached frozen, with intervals over runs, and paired with Subsumption on the same episodes."""
-    from peers.controls import RETUNED
+    from peers.controls import PAPER, RETUNED
     from peers.learners import NEED_PPO
 
     runs = runs_of(results)
+    controls = {"retuned": runs.get(RETUNED, {}), "paper": runs.get(PAPER, {})}
     seconds: dict[str, list[float]] = {}
     for result in results.values():
         if MEASURED in result:
             seconds.setdefault(result["runs"][0]["method"], []).append(result[MEASURED]["training_s"])
-    rows = [_row(method, by_run, runs.get(RETUNED, {}), seconds.get(method, [])) for method, by_run in runs.items()]
+    rows = [_row(method, by_run, controls, seconds.get(method, [])) for method, by_run in runs.items()]
     if results and find_spec(EXTRA) is None:
         missing = [method for method in NEED_PPO if method not in runs]
         rows += [{**dict.fromkeys(rows[0]), "method": each, "runs": 0, "note": NOT_INSTALLED} for each in missing]
@@ -157,19 +158,22 @@ def runs_of(results: Mapping[str, Result]) -> dict[str, dict[tuple[int, int], di
 def _row(
     method: str,
     by_run: Mapping[tuple[int, int], Mapping[str, Any]],
-    control: Mapping[tuple[int, int], Mapping[str, Any]],
+    controls: Mapping[str, Mapping[tuple[int, int], Mapping[str, Any]]],
     seconds: Sequence[float],
 ) -> Row:
     own = list(by_run.values())
     goals = sum(each["goals"] for each in own)
     success = _ratio(own, "goals", "episodes")
     cost = _ratio(own, "steps", "goals")
-    paired = [(each, control[run]) for run, each in by_run.items() if run in control]
-    ratio, p = nan, None
-    if paired and by_run is not control:
-        ours, theirs = ([_cost(each) for each in side] for side in zip(*paired, strict=True))
-        p = paired_p_value(ours, theirs)
-        ratio = cost.estimate / _ratio([each for _, each in paired], "steps", "goals").estimate
+    compared: Row = {}
+    for name, control in controls.items():
+        paired = [(each, control[run]) for run, each in by_run.items() if run in control]
+        ratio, p = nan, None
+        if paired and by_run is not control:
+            ours, theirs = ([_cost(each) for each in side] for side in zip(*paired, strict=True))
+            p = paired_p_value(ours, theirs)
+            ratio = cost.estimate / _ratio([each for _, each in paired], "steps", "goals").estimate
+        compared |= {f"ratio_{name}": ratio, f"p_{name}": p}
     row: Row = {
         "method": method,
         "runs": len(own),
@@ -183,8 +187,7 @@ def _row(
         "cost_high": cost.high,
         "collisions_begun_per_goal": sum(each["collisions_begun"] for each in own) / goals if goals else nan,
         "collision_steps_per_goal": sum(each["collision_steps"] for each in own) / goals if goals else nan,
-        "ratio_retuned": ratio,
-        "p_retuned": p,
+        **compared,
         "training_steps": sum(each["training_steps"] for each in own) / len(own),
         "training_seconds": sum(seconds) / len(seconds) if seconds else nan,
         "note": ", ".join(sorted({each["played"] for each in own if "played" in each})),

@@ -16,7 +16,7 @@ from studies.tree_play import Score
 
 pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
 
-from peers.controls import LAW, RETUNED
+from peers.controls import LAW, PAPER, RETUNED
 from peers.learners import LEARNERS, NEED_PPO, TABULAR
 
 
@@ -93,9 +93,12 @@ def learner(method: str, seed: int, steps: int) -> Result:
 def test_the_table_pairs_every_method_with_subsumption_on_the_same_episodes() -> None:
     results = {"controls": controls({RETUNED: 9000, LAW: 4500})}
     results |= {f"t{seed}": learner(TABULAR, seed, 20_000) for seed in range(2)}
+    with_paper = {**results, "paper": controls({PAPER: 18_000})}
+    assert peers.table(with_paper)[0]["ratio_paper"] == pytest.approx(9001 / 36_001)
     rows = {row["method"]: row for row in peers.table(results)}
     assert list(rows) == [LAW, RETUNED, TABULAR]
     assert rows[RETUNED]["ratio_retuned"] is None
+    assert rows[RETUNED]["ratio_paper"] is None, "nobody played it"
     assert rows[LAW]["ratio_retuned"] == pytest.approx(9001 / 18_001)
     found = rows[TABULAR]
     assert (found["runs"], found["goals"], found["episodes"]) == (2, 20, 20)
