@@ -7,6 +7,7 @@ from time import monotonic
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fbql_analysis import open_run
 from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, Decision
 from fbql_common.spin import DONE, FAILED
 from fbql_common.topics import CLOCK, DECISION, DIAGNOSTICS, POSE_QOS, behavior_topic
@@ -22,6 +23,7 @@ from geometry_msgs.msg import PoseStamped
 from hand_driven import BEHAVIORS, STEP_NS, FakeBehavior, FakeSimulator, Partner, listen, output_to, world_at
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
+from verified_run import verification_of
 
 LEARNING = {"controller": "fbql_literal", "guided": 0, "tie_rule": "first"}
 
@@ -588,6 +590,10 @@ def test_simulator_that_was_started_again_is_asked_for_the_episode_again(make_te
     team.play(3, terminated=True, goal=True)
     bench.until(lambda: len(team.simulator.granted) == 2, "the next episode")
     assert team.simulator.granted[1] == (1, episode_seed(0, 1))
+    bench.remove(team.fusion)
+    assert [step.begins_again for step in open_run(team.run).steps()].index(True) == 3
+    verified = verification_of(team.run)
+    assert (verified.difference, verified.steps) == (None, len(team.decisions))
 
 
 def test_episode_whose_first_world_gets_lost_is_played_from_where_it_is_found(make_team, bench):
@@ -605,6 +611,8 @@ def test_episode_whose_first_world_gets_lost_is_played_from_where_it_is_found(ma
     bench.until(next_step, "a decision in the next episode")
     assert team.decisions[-1].step > 0 and team.decisions[-1].degraded
     assert team.simulator.granted[1:] == [(1, episode_seed(0, 1))] * 2, "it was asked for again once"
+    bench.remove(team.fusion)
+    assert verification_of(team.run).difference is None
 
 
 def test_world_states_of_somebody_else_do_not_end_an_episode_under_way(make_team, bench):
