@@ -12,12 +12,11 @@ from itertools import groupby
 from math import degrees
 from pathlib import Path
 
+from fbql_analysis import open_run
+from fbql_common.core.errors import BadInput
 from fbql_common.core.field import BALL_RADIUS_M, FIELD, ROBOT_SIDE_M
 from fbql_common.core.types import Decision, World
-from fbql_common.wire import Rejected, decode_decision, decode_world
 from fbql_sim.core.arena import SEGMENTS
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 
 SCALE = 360.0
 """Pixels a metre."""
@@ -40,8 +39,8 @@ def main(argv: Sequence[str]) -> int:
     arguments = parser.parse_args(list(argv))
     try:
         worlds, decisions = read_episode(arguments.run, arguments.episode)
-    except (OSError, McapError, Rejected, StopIteration) as error:
-        print(f"{arguments.run}: no recording that can be read ({error})", file=sys.stderr)
+    except BadInput as error:
+        print(error, file=sys.stderr)
         return 2
     if not worlds:
         print(f"{arguments.run}: no episode {arguments.episode} in the recording", file=sys.stderr)
@@ -52,15 +51,9 @@ def main(argv: Sequence[str]) -> int:
 
 def read_episode(run: Path, episode: int) -> tuple[list[World], list[Decision]]:
     """The world states of an episode, and the decisions that answered them."""
-    worlds: list[World] = []
-    decisions: list[Decision] = []
-    with next(run.glob("*.mcap")).open("rb") as file:
-        for _, channel, message in make_reader(file, validate_crcs=True).iter_messages():
-            if channel.topic.endswith("/world"):
-                worlds.append(decode_world(message.data))
-            elif channel.topic.endswith("/fusion/decision"):
-                decisions.append(decode_decision(message.data))
-    return [w for w in worlds if w.episode == episode], [d for d in decisions if d.episode == episode]
+    steps = [step for step in open_run(run).steps() if step.episode == episode]
+    worlds = [step.world for step in steps if step.world is not None]
+    return worlds, [step.decision for step in steps if step.decision is not None]
 
 
 def picture(worlds: Sequence[World], decisions: Sequence[Decision]) -> str:
