@@ -16,6 +16,7 @@ from fbql_behaviors.core.observation import OBSERVATIONS
 from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import tree_from_bytes
+from fbql_common.core import recording_names
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping
 from fbql_fusion.core.parameters import FusionParameters
@@ -80,9 +81,9 @@ def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
 
 def recorded_policy(run: Run) -> Policy | None:
     """The policy that the run started from, if it did. Raises BadInput."""
-    data = run.attachments.get("policy_before.npz")
+    data = run.attachments.get(recording_names.POLICY_BEFORE)
     if data is not None:
-        return policy_from_bytes(data, f"{run.path}: policy_before.npz")
+        return policy_from_bytes(data, f"{run.path}: {recording_names.POLICY_BEFORE}")
     if run.parameters.get("fusion", {}).get("policy"):
         raise BadInput(f"{run.path}: it started from a policy, which is not in the recording")
     return None
@@ -92,7 +93,7 @@ def recorded_trees(run: Run) -> dict[str, Tree]:
     """The trees in the recording, by their hashes. Raises BadInput for one that is damaged."""
     trees: dict[str, Tree] = {}
     for name, data in run.attachments.items():
-        if name.startswith("trees/"):
+        if name.startswith(recording_names.TREES):
             try:
                 tree = tree_from_bytes(data)
             except BadInput as error:
@@ -131,11 +132,11 @@ class Team:
             self.missing[name] = f"its tree (SHA-256 {tree_hash[:12]}) is not in the recording"
             return None
         source = self._observations.get(tree.behavior, "")
-        copy = self._run.attachments.get(f"observations/{name}.py")
+        copy = self._run.attachments.get(f"{recording_names.OBSERVATIONS}{name}.py")
         if not source and copy is not None and tree.behavior not in OBSERVATIONS:
             self.missing[name] = (
                 "what it senses is defined in a file of the user's: name it with --observation "
-                f"(the recording has a copy, observations/{name}.py)"
+                f"(the recording has a copy, {recording_names.OBSERVATIONS}{name}.py)"
             )
             return None
         return Behavior(name, tree, find_observation(tree.behavior, source))

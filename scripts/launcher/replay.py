@@ -27,6 +27,8 @@ def main(argv: Sequence[str]) -> int:
     try:
         _check(arguments)
         run = open_run(arguments.run, skip_corrupt=arguments.skip_corrupt)
+        known = run.warnings
+        _warn(known)
         code = _command(arguments)(run, arguments, interrupts)
     except BadInput as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
@@ -34,9 +36,13 @@ def main(argv: Sequence[str]) -> int:
     except Interrupted as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return FAILED
-    for warning in run.warnings:
-        print(f"{PROGRAM}: {warning}", file=sys.stderr)
+    _warn([warning for warning in run.warnings if warning not in known])
     return code or (DONE if arguments.allow_incomplete or run.is_complete else INCOMPLETE)
+
+
+def _warn(warnings: Sequence[str]) -> None:
+    for warning in warnings:
+        print(f"{PROGRAM}: warning: {warning}", file=sys.stderr)
 
 
 def _command(arguments: argparse.Namespace):

@@ -7,6 +7,7 @@ import os
 import pty
 import select
 import signal
+import struct
 import subprocess
 import sys
 from collections import defaultdict
@@ -20,6 +21,7 @@ from fbql_analysis import open_run
 from fbql_fusion.bag_metadata import Qos
 from launcher.interrupts import NUMBERS
 from launcher.replay import main
+from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 from recorded_match import ROOT, record_match
 from replay_listener import padded_hash
@@ -305,3 +307,36 @@ def test_a_signal_ends_a_loop(recorded, domain, number):
     _, said = popen.communicate(timeout=PATIENCE_S)
     assert popen.returncode == 0, said
     assert "replayed" in said
+
+
+# Incomplete recordings
+
+
+def damaged(run: Path, place: Path) -> Path:
+    """The recording as one file with a flipped bit in the middle of its first chunk."""
+    data = bytearray(next(run.glob("*.mcap")).read_bytes())
+    at, opcode, length = 8, 0, -9
+    while opcode != Opcode.CHUNK:
+        at += 9 + length
+        opcode, length = struct.unpack_from("<BQ", data, at)
+    data[at + length // 2] ^= 1
+    path = place / "damaged.mcap"
+    path.write_bytes(data)
+    return path
+
+
+def test_damage_ends_a_replay_unless_it_is_skipped_and_counted(recorded, tmp_path, capfd):
+    path = damaged(recorded, tmp_path)
+    assert main([str(path), "--rate", "0", "--wait", "0"]) == 2
+    assert "is damaged" in capfd.readouterr().err
+    assert main([str(path), "--rate", "0", "--wait", "0", "--skip-corrupt"]) == 3
+    assert f"warning: {path}: left out: chunk" in capfd.readouterr().err
+    assert main([str(path), "--rate", "0", "--wait", "0", "--skip-corrupt", "--allow-incomplete"]) == 0
+
+
+def test_a_recording_that_was_cut_off_is_replayed_with_a_warning_before(tmp_path, capfd):
+    run = record_match(tmp_path / "run", close=False)
+    assert main([str(run), "--rate", "0", "--wait", "0"]) == 3
+    said = capfd.readouterr().err
+    assert said.index("cut off at byte") < said.index("replaying ")
+    assert f"replayed {sum(open_run(run).counts.values())} messages" in said

@@ -11,6 +11,7 @@ from typing import Any
 
 from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
+from fbql_common.core.recording_names import CONFIG, EPISODES, RESTART_RECORD, RUN_RECORD
 
 from fbql_analysis.core.columns import Columns, Recorded, columns_of
 from fbql_analysis.core.decoding import TYPES, MessageCodec
@@ -19,8 +20,6 @@ from fbql_analysis.core.steps import Key, Step, StepData, StepJoin, key_of
 from fbql_analysis.mcap_file import Corrupt, McapFile, Message, Topic, Window
 from fbql_analysis.run_files import RunFiles, find_files, mapping_from_yaml, read_inside
 
-RESTART_RECORD = "fbql_episode_restart"
-"""Name of the Metadata record that stands before the first step of an episode that began again."""
 _WORLD, _OUTPUT = "fbql_msgs/msg/WorldState", "fbql_msgs/msg/BehaviorOutput"
 _COMMAND, _DECISION = "fbql_msgs/msg/WheelCommand", "fbql_msgs/msg/FusionDecision"
 
@@ -257,7 +256,7 @@ class Run:
         there = tuple(self._places.behaviors)
         for mcap in self._mcaps:
             for name, values in mcap.metadata.values():
-                if name == "fbql" and values.get("behaviors"):
+                if name == RUN_RECORD and values.get("behaviors"):
                     return tuple(values["behaviors"].split(" "))
         decisions = [topic.name for topic in self._places.topics if topic.type_name == _DECISION]
         codec = self._places.codecs.get(_DECISION)
@@ -269,14 +268,14 @@ class Run:
         return there
 
     def _config(self) -> dict[str, Any]:
-        data = self.attachments.get("config.yaml")
+        data = self.attachments.get(CONFIG)
         if data is None and self.directory is not None:
             data = read_inside(self.directory, "config.yaml")
         return {} if data is None else mapping_from_yaml(data, f"{self.path}: config.yaml")
 
     def _seeds(self) -> dict[int, int]:
         """Seed of each episode, from episodes.csv in the recording, else in the directory."""
-        data = self.attachments.get("episodes.csv")
+        data = self.attachments.get(EPISODES)
         if data is None and self.directory is not None:
             data = read_inside(self.directory, "episodes.csv")
         try:

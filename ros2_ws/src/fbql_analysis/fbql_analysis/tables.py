@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from fbql_common.core.errors import BadInput
+from fbql_common.core.recording_names import TREES
 
 from fbql_analysis.core.columns import Columns, blocks_of, flat
 from fbql_analysis.core.episodes import Episode
@@ -89,7 +90,7 @@ def _features(run: Run) -> dict[str, str]:
     """The name of each column of an observation, from the trees in the recording."""
     names: dict[str, str] = {}
     for name in run.behaviors:
-        data = run.attachments.get(f"trees/{name}.json")
+        data = run.attachments.get(f"{TREES}{name}.json")
         try:
             features = [] if data is None else [str(feature["name"]) for feature in json.loads(data)["features"]]
         except (ValueError, KeyError, TypeError):

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fbql_common.core.errors import BadInput
+from fbql_common.core.recording_names import RUN_RECORD
 
 from fbql_fusion.atomic_file import write_atomically
 from fbql_fusion.bag_metadata import BagTopic, Qos, bag_information, qos_profiles, to_yaml
@@ -19,8 +20,6 @@ from fbql_fusion.mcap_writer import McapWriter, WriterChannel
 
 CHUNK_BYTES = 256 * 1024
 """Uncompressed size of a chunk: what a crash loses, unless `flush` is called more often."""
-METADATA_NAME = "fbql"
-"""Name of the Metadata record that holds what metadata.yaml has as custom_data."""
 
 
 class Channel(NamedTuple):
@@ -108,7 +107,7 @@ class Recorder:
                 CHUNK_BYTES,
             )
             if self._custom_data:
-                self._writer.add_metadata(METADATA_NAME, self._custom_data)
+                self._writer.add_metadata(RUN_RECORD, self._custom_data)
             self._attach(attachments)
         except OSError as error:
             os.close(self._fd)

@@ -12,6 +12,15 @@ from typing import Any
 import yaml
 from ament_index_python.packages import get_package_share_directory
 from fbql_common.core.errors import BadInput
+from fbql_common.core.recording_names import (
+    CONFIG,
+    EPISODES,
+    OBSERVATIONS,
+    POLICY,
+    POLICY_BEFORE,
+    RESTART_RECORD,
+    TREES,
+)
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_common.topics import DECISION, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.wire import type_name
@@ -25,8 +34,6 @@ from fbql_fusion.recording import Attachment, Channel, Recorder
 from fbql_fusion.run_directory import RunDirectory, create_run_directory, git_revision, software_versions
 
 DONE, INCOMPLETE = 0, 3
-RESTART_RECORD = "fbql_episode_restart"
-"""Name of the Metadata record that stands before the first step of an episode that begins again."""
 _JSON, _YAML, _NPZ = "application/json", "application/yaml", "application/octet-stream"
 _CSV, _PYTHON = "text/csv", "text/x-python"
 
@@ -58,11 +65,11 @@ class Run:
         self._directory = RunDirectory(self.path, config, tree_files, report)
         self._recorder: Recorder | None = None
         if parameters.record:
-            attachments = [Attachment("config.yaml", _YAML, (self.path / "config.yaml").read_bytes())]
-            attachments += [Attachment(f"trees/{file.name}", _JSON, file.read_bytes()) for file in tree_files]
+            attachments = [Attachment(CONFIG, _YAML, (self.path / "config.yaml").read_bytes())]
+            attachments += [Attachment(f"{TREES}{file.name}", _JSON, file.read_bytes()) for file in tree_files]
             attachments += _observations(config)
             if parameters.policy:
-                attachments.append(Attachment("policy_before.npz", _NPZ, Path(parameters.policy).read_bytes()))
+                attachments.append(Attachment(POLICY_BEFORE, _NPZ, Path(parameters.policy).read_bytes()))
             self._recorder = Recorder(
                 self.path, _channels(session.behaviors, resolve), _custom_data(config), attachments, report
             )
@@ -122,11 +129,11 @@ class Run:
         if policy is not None:
             self._directory.write_policy(policy)
             if not self._directory.failed:
-                attachments.append(Attachment("policy.npz", _NPZ, policy_bytes(policy)))
+                attachments.append(Attachment(POLICY, _NPZ, policy_bytes(policy)))
         messages = 0
         if self._recorder is not None:
             if not self._directory.failed:
-                attachments.append(Attachment("episodes.csv", _CSV, (self.path / "episodes.csv").read_bytes()))
+                attachments.append(Attachment(EPISODES, _CSV, (self.path / "episodes.csv").read_bytes()))
             self._recorder.close(attachments)
             messages = self._recorder.messages
         self._directory.write_summary(self._session.summary(wall_s, messages, self.incomplete))
@@ -182,7 +189,7 @@ def _observations(config: Mapping[str, Any]) -> list[Attachment]:
     }
     try:
         return [
-            Attachment(f"observations/{name}.py", _PYTHON, Path(file).read_bytes()) for name, file in sources.items()
+            Attachment(f"{OBSERVATIONS}{name}.py", _PYTHON, Path(file).read_bytes()) for name, file in sources.items()
         ]
     except OSError as error:
         raise BadInput(f"{error.filename}: the observation can't be recorded ({error.strerror})") from None

@@ -1,0 +1,19 @@
+"""What things are called inside of a recording: written by the fusion node, looked up by whoever reads it."""
+
+from __future__ import annotations
+
+RUN_RECORD = "fbql"
+"""Metadata record about the run, at the beginning; the same as custom_data in metadata.yaml."""
+RESTART_RECORD = "fbql_episode_restart"
+"""Metadata record that stands before the first step of an episode that begins again, because its world was lost."""
+
+# Attachments
+CONFIG = "config.yaml"
+EPISODES = "episodes.csv"
+POLICY_BEFORE = "policy_before.npz"
+POLICY = "policy.npz"
+"""What was learned."""
+TREES = "trees/"
+"""Before the name of a tree file."""
+OBSERVATIONS = "observations/"
+"""Before NAME.py: what behavior NAME senses, where the user defined it."""
