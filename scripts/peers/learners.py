@@ -88,8 +88,7 @@ def _ppo(method: str, lesson: Lesson) -> Learned:
     def make() -> Any:
         if method == PPO_BLEND:
             return BlendEnv(lesson.behaviors, hold_steps=parameters.hold_steps, reward_collision=REWARD_COLLISION)
-        shaping = parameters.discount if method == PPO_SHAPED else None
-        return wheels_env(parameters.hold_steps, shaping, reward_collision=REWARD_COLLISION)
+        return wheels_env(parameters.hold_steps, method == PPO_SHAPED, reward_collision=REWARD_COLLISION)
 
     begun_s = process_time()
     model, course = ppo.train(make, lesson.budget, lesson.training_seed, parameters)

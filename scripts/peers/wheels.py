@@ -59,40 +59,38 @@ class SeenFromRobot(gymnasium.ObservationWrapper[NDArray[np.float32], Any, Any])
 
 
 class Shaped(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """Adds gamma Phi(s') - Phi(s) to the reward, which leaves the best policy what it is.
+    """Adds Phi(s') - Phi(s) to the reward: progress of the ball to the goal and of the robot to the ball.
 
-    Phi is minus the distances ball to goal and robot to ball, weighted; 0 after the end of the task.
-
-    Source: Ng, Harada & Russell, Policy invariance under reward transformations (1999).
+    Phi is minus the two distances, weighted. With a discount, gamma Phi(s') - Phi(s), the best policy would stay what it is
+    (Ng, Harada & Russell, Policy invariance under reward transformations, 1999), but standing still far away would be paid
+    (1 - gamma) |Phi| at every decision, and PPO, tried so, learned to stand still.
     """
 
-    def __init__(self, env: gymnasium.Env[Any, Any], discount: float) -> None:
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         super().__init__(env)
-        self._discount = discount
         self._potential = 0.0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begins an episode."""
         begun = self.env.reset(seed=seed, options=options)
-        self._potential = self._phi()
+        self._potential = self.potential()
         return begun
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One step, with the reward of the potential's change."""
         observation, reward, terminated, truncated, info = self.env.step(action)
-        potential = 0.0 if terminated else self._phi()
-        shaping = self._discount ** info["steps"] * potential - self._potential
-        self._potential = potential
-        return observation, float(reward) + shaping, terminated, truncated, info
+        before, self._potential = self._potential, self.potential()
+        return observation, float(reward) + self._potential - before, terminated, truncated, info
 
-    def _phi(self) -> float:
+    def potential(self) -> float:
+        """Phi of the environment's latest world."""
         world: World = self.unwrapped.world  # type: ignore[attr-defined]  # it wraps a WheelsEnv
         to_goal = hypot(FIELD.half_length_m - world.ball_x_m, world.ball_y_m)
         to_ball = hypot(world.ball_x_m - world.robot_x_m, world.ball_y_m - world.robot_y_m)
         return -GOAL_DISTANCE_WEIGHT * to_goal - BALL_DISTANCE_WEIGHT * to_ball
 
 
-def wheels_env(hold_steps: int, shaping_discount: float | None = None, **more: Any) -> gymnasium.Env[Any, Any]:
-    """The environment of the raw wheels, seen from the robot; shaped where a discount per step is given for it."""
+def wheels_env(hold_steps: int, shaped: bool = False, **more: Any) -> gymnasium.Env[Any, Any]:
+    """The environment of the raw wheels, seen from the robot, and with a reward for progress where it is shaped."""
     env: gymnasium.Env[Any, Any] = SeenFromRobot(WheelsEnv(hold_steps=hold_steps, **more))
-    return env if shaping_discount is None else Shaped(env, shaping_discount)
+    return Shaped(env) if shaped else env
