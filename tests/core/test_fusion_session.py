@@ -503,6 +503,9 @@ def test_weights_that_are_none_give_way_to_uniform_ones_and_are_counted(weights,
     """Fault 20, of a controller that has one."""
 
     class Broken:
+        def begin_episode(self, phase: Phase) -> None:
+            pass
+
         def select(self, *_: object) -> tuple[tuple[float, ...], int, tuple[float, ...]]:
             return weights, DRIVER_BLEND, ()
 

@@ -1,7 +1,7 @@
 """Who fuses: the controllers, and the protocol that each of them fulfils.
 
 To add one: write a class with `select` (and, if it learns, the rest of `Learner`), name it in
-`parameters.CONTROLLERS` and make it in `make_controller`. The session does the rest: schedule, guided episodes,
+`parameters.CONTROLLERS` and make it in `making.make_controller`. The session does the rest: schedule, guided episodes,
 transitions, rewards, faults, records.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, World
+from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Phase, World
 from numpy.typing import NDArray
 
 from fbql_fusion.core.equations import bounded_weights, fused_value, maxima, normalised, updated_q
@@ -44,6 +44,10 @@ class Transition(NamedTuple):
 
 class Controller(Protocol):
     """Decides the weights of a step."""
+
+    def begin_episode(self, phase: Phase) -> None:
+        """A new episode begins. In a guided one the guide drives instead of what is selected."""
+        ...
 
     def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
         """The weights for a world state.
@@ -87,6 +91,9 @@ class Subsumption:
         self._alone = tuple(tuple(1.0 if i == driver else 0.0 for i in range(n)) for driver in range(n))
         self._nobody = (0.0,) * n
 
+    def begin_episode(self, phase: Phase) -> None:
+        """Nothing is remembered from one step to the next."""
+
     def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
         """Weight 1 for the driver. Nobody drives where no layer's behavior answered."""
         driver = driver_of(self._layers, world, outputs)
@@ -99,6 +106,9 @@ class Uniform:
     def __init__(self, parameters: FusionParameters) -> None:
         n = len(parameters.behaviors)
         self._selection: Selection = ((1.0 / n,) * n, DRIVER_BLEND, ())
+
+    def begin_episode(self, phase: Phase) -> None:
+        """Nothing changes."""
 
     def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
         """1/n each."""
@@ -129,6 +139,9 @@ class FbqlLiteral:
     def __len__(self) -> int:
         """Number of joint states that were learned about."""
         return len(self._table)
+
+    def begin_episode(self, phase: Phase) -> None:
+        """Nothing is remembered from one step to the next."""
 
     def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
         """The joint state's own weights. A joint state with a leaf missing is none: every behavior weighs the same."""
@@ -174,12 +187,3 @@ class FbqlLiteral:
     def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Takes over such arrays. Raises BadInput."""
         self._table.load_arrays(arrays)
-
-
-def make_controller(parameters: FusionParameters) -> Controller:
-    """The controller that the parameters name, with a random stream of its own from the run's seed."""
-    if parameters.controller == "subsumption":
-        return Subsumption(parameters)
-    if parameters.controller == "uniform":
-        return Uniform(parameters)
-    return FbqlLiteral(parameters, np.random.default_rng(np.random.SeedSequence(parameters.seed, spawn_key=(0,))))

@@ -9,7 +9,9 @@ from typing import NamedTuple
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, parameter
 
-CONTROLLERS = ("subsumption", "uniform", "fbql_literal", "fbql")
+from fbql_fusion.core.fbql_parameters import FbqlParameters
+
+CONTROLLERS = ("fbql", "fbql_literal", "subsumption", "uniform")
 TIE_RULES = ("none", "first", "all", "random")
 FROM_PRESET = -1.0
 """A threshold of this value (or any negative one) is the preset's."""
@@ -35,12 +37,10 @@ _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
 
 @dataclass(frozen=True)
-class FusionParameters:
+class FusionParameters(FbqlParameters):
     """What fusion can be told. `docs/deviations.md` says which of these the paper leaves open."""
 
-    controller: str = parameter(
-        "subsumption", "who fuses; fbql is fbql_literal until it has a learner of its own", choices=CONTROLLERS
-    )
+    controller: str = parameter("subsumption", "who fuses; fbql_literal: as the paper prints it", choices=CONTROLLERS)
     preset: str = parameter("tuned", "Subsumption's thresholds, where not given one by one", choices=tuple(PRESETS))
     behaviors: list[str] = parameter(
         ["ball_seeking", "wall_avoiding", "approaching"], "names of the behaviors that are fused, in order"
@@ -75,7 +75,9 @@ class FusionParameters:
 
     reward_goal: float = parameter(10.0, "reward of a goal", low=-1e9, high=1e9)
     reward_own_goal: float = parameter(-10.0, "reward of an own goal", low=-1e9, high=1e9)
-    reward_collision: float = parameter(-5.0, "reward of a collision, once when it begins", low=-1e9, high=1e9)
+    reward_collision: float = parameter(
+        -5.0, "reward of a collision, once when it begins; fbql has its own", low=-1e9, high=1e9
+    )
 
     wall_threshold_m: float = parameter(
         FROM_PRESET, "Subsumption avoids walls nearer than this; negative: the preset's", unit="m", low=-1.0, high=10.0
@@ -91,6 +93,11 @@ class FusionParameters:
         ["wall_avoiding", "approaching", "ball_seeking"],
         "Subsumption's layers from the highest priority to the lowest; the lowest needs no trigger",
     )
+
+    @property
+    def collision_reward(self) -> float:
+        """The reward of a collision begun that is in force: fbql has its own."""
+        return self.fbql_reward_collision if self.controller == "fbql" else self.reward_collision
 
     @property
     def thresholds(self) -> Thresholds:

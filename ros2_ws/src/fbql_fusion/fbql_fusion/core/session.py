@@ -15,8 +15,9 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Decision, Phase, WheelCommand, World
 
 from fbql_fusion.core.blending import blend
-from fbql_fusion.core.controllers import Learner, Subsumption, Transition, make_controller
+from fbql_fusion.core.controllers import Learner, Subsumption, Transition
 from fbql_fusion.core.joint_state import JointState
+from fbql_fusion.core.making import make_controller
 from fbql_fusion.core.metrics import Digest, EpisodeRecord, Summary, summarise
 from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters, check_fusion
 from fbql_fusion.core.policy import Policy
@@ -86,6 +87,7 @@ class Session:
         own = GUIDED_EPISODES if learning and policy is None else 0
         self.guided = parameters.guided if parameters.guided >= 0 else own
         """Number of guided episodes, which come first."""
+        self._collision_reward = parameters.collision_reward
         self._trees: list[tuple[int, str] | None] = [None] * len(self.behaviors)
         self._digest = Digest()
         self._steps: int = 0
@@ -177,6 +179,7 @@ class Session:
         self._collisions_begun = 0
         self._collision_steps = 0
         self._return = 0.0
+        self._controller.begin_episode(self.phase)
         return self._index, self._seed
 
     def decide(self, world: World, outputs: Sequence[BehaviorOutput | None]) -> tuple[WheelCommand, Decision]:
@@ -205,7 +208,7 @@ class Session:
             self._collision_steps += 1
         if world.collision_begun:
             self._collisions_begun += 1
-            reward = self.parameters.reward_collision
+            reward = self._collision_reward
         if world.goal:
             reward += self.parameters.reward_goal
         elif world.own_goal:

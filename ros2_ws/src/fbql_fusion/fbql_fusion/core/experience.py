@@ -1,0 +1,159 @@
+"""What was decided in whole episodes, and what came of it: what FBQL learns from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from fbql_common.core.errors import BadInput
+from numpy.typing import NDArray
+
+from fbql_fusion.core import policy_gradient as eq
+from fbql_fusion.core.features import Situation
+
+
+@dataclass
+class Episode:
+    """The decisions of one episode, in order, and the situation that it ended in."""
+
+    guided: bool
+    situations: list[Situation] = field(default_factory=list[Situation])
+    """T + 1 situations, only as long as there are no features for them."""
+    active: list[list[int]] = field(default_factory=list[list[int]])
+    """Active features of the T + 1 situations."""
+    drivers: list[int] = field(default_factory=list[int])
+    """Who drove after each of the T decisions."""
+    chances: list[float] = field(default_factory=list[float])
+    """The weight by which it was drawn."""
+    rewards: list[float] = field(default_factory=list[float])
+    """R of each decision."""
+    discounts: list[float] = field(default_factory=list[float])
+    """gamma^k of each decision, k the steps that it was held for."""
+    terminated: bool = False
+
+    def begin_decision(self, situation: Situation, active: list[int] | None, driver: int, chance: float) -> None:
+        """A decision was taken. `active` is None as long as there are no features."""
+        self._add(situation, active)
+        self.drivers.append(driver)
+        self.chances.append(chance)
+        self.rewards.append(0.0)
+        self.discounts.append(1.0)
+
+    def add_step(self, driver: int, reward: float, discount: float) -> bool:
+        """A step of the decision under way. False where nobody drove, so that nothing can be learned from it."""
+        if not self.drivers or driver < 0:
+            return False
+        if self.guided and self.discounts[-1] == 1.0:
+            self.drivers[-1] = driver  # the guide drove, not who was drawn
+        self.rewards[-1] += self.discounts[-1] * reward
+        self.discounts[-1] *= discount
+        return True
+
+    def end(self, situation: Situation, active: list[int] | None) -> None:
+        """The episode ended in this situation."""
+        self._add(situation, active)
+
+    def _add(self, situation: Situation, active: list[int] | None) -> None:
+        if active is None:
+            self.situations.append(situation)
+        else:
+            self.active.append(active)
+
+
+class Batch(NamedTuple):
+    """N decisions of whole episodes."""
+
+    active: NDArray[np.int64]
+    """[N, F]"""
+    driver: NDArray[np.int64]
+    """[N]"""
+    chance: eq.Floats
+    """[N]"""
+    advantages: eq.Floats
+    """A of eq. 10, [N]"""
+    returns: eq.Floats
+    """A + V, what V is to become, [N]"""
+
+    @classmethod
+    def of(cls, episodes: Sequence[Episode], value: eq.Floats, trace: float) -> Batch:
+        """Puts episodes together. `value` is V's table, [features]."""
+        active: list[NDArray[np.int64]] = []
+        found: list[eq.Floats] = []
+        returns: list[eq.Floats] = []
+        for episode in episodes:
+            rows = np.array(episode.active, dtype=np.int64)
+            values = value[rows].sum(axis=1)
+            own = values[:-1].copy()
+            if episode.terminated:
+                values[-1] = 0.0
+            advantages = eq.advantages(np.array(episode.rewards), np.array(episode.discounts), values, trace)
+            active.append(rows[:-1])
+            found.append(advantages)
+            returns.append(advantages + own)
+        drivers = [driver for episode in episodes for driver in episode.drivers]
+        chances = [chance for episode in episodes for chance in episode.chances]
+        return cls(
+            np.concatenate(active),
+            np.array(drivers, dtype=np.int64),
+            np.array(chances),
+            np.concatenate(found),
+            np.concatenate(returns),
+        )
+
+    def minibatches(self, size: int, generator: np.random.Generator) -> Iterator[NDArray[np.int64]]:
+        """All decisions in a random order, `size` at a time."""
+        order = generator.permutation(len(self.driver))
+        for begin in range(0, len(order), size):
+            yield order[begin : begin + size]
+
+    @staticmethod
+    def to_arrays(episodes: Sequence[Episode]) -> dict[str, NDArray[Any]]:
+        """Episodes that wait: for E of them with N decisions in all, waiting_lengths int64 [E], waiting_terminated
+        bool [E], waiting_active int64 [N + E, F], waiting_driver int64 [N], waiting_chance, waiting_reward and
+        waiting_discount float64 [N]."""  # fmt: skip
+        rows = [row for episode in episodes for row in episode.active]
+        return {
+            "waiting_lengths": np.array([len(episode.drivers) for episode in episodes], dtype=np.int64),
+            "waiting_terminated": np.array([episode.terminated for episode in episodes], dtype=np.bool_),
+            "waiting_active": np.array(rows, dtype=np.int64).reshape(len(rows), -1 if rows else 0),
+            "waiting_driver": np.array([x for each in episodes for x in each.drivers], dtype=np.int64),
+            "waiting_chance": np.array([x for each in episodes for x in each.chances], dtype=np.float64),
+            "waiting_reward": np.array([x for each in episodes for x in each.rewards], dtype=np.float64),
+            "waiting_discount": np.array([x for each in episodes for x in each.discounts], dtype=np.float64),
+        }
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, NDArray[Any]], features: int, behaviors: int) -> list[Episode]:
+        """The episodes that `to_arrays` told of. Raises BadInput where the arrays can't be it."""
+        names = ("lengths", "terminated", "active", "driver", "chance", "reward", "discount")
+        missing = [name for name in names if f"waiting_{name}" not in arrays]
+        if missing:
+            raise BadInput(f"the policy has no array 'waiting_{missing[0]}'")
+        lengths, terminated, active, driver, *rest = (arrays[f"waiting_{name}"] for name in names)
+        total = int(lengths.sum()) if lengths.ndim == 1 else -1
+        if (
+            total < 0
+            or (lengths < 1).any()
+            or terminated.shape != lengths.shape
+            or active.ndim != 2
+            or len(active) != total + len(lengths)
+            or any(each.shape != (total,) for each in (driver, *rest))
+        ):
+            raise BadInput("the policy's arrays 'waiting_*' do not fit each other")
+        if active.size and not 0 <= active.min() <= active.max() < features:
+            raise BadInput("the policy's array 'waiting_active' has a feature that is not there")
+        if driver.size and not 0 <= driver.min() <= driver.max() < behaviors:
+            raise BadInput("the policy's array 'waiting_driver' has a behavior that is not there")
+        episodes: list[Episode] = []
+        at = 0
+        for i, length in enumerate(lengths.tolist()):
+            own = slice(at, at + length)
+            chance, reward, discount = (each[own].tolist() for each in rest)
+            rows = active[at + i : at + i + length + 1].tolist()
+            episodes.append(
+                Episode(False, [], rows, driver[own].tolist(), chance, reward, discount, bool(terminated[i]))
+            )
+            at += length
+        return episodes

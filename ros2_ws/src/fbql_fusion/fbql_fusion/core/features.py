@@ -1,0 +1,234 @@
+"""The features of a step: which joint leaves, and which regions of what the behaviors sense, it falls into.
+
+A feature is active or not. Each step has the same number of active features, and a feature gets its index when it is met
+for the first time, so that memory grows with what was visited and never with the product of the leaves. Nothing here
+knows what a behavior senses: its numbers are ranked among those of the first episodes (`Scales`).
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+from fbql_common.core.errors import BadInput
+from fbql_common.core.types import NO_LEAF
+from numpy.typing import NDArray
+
+from fbql_fusion.core.joint_state import JointState
+
+KNOTS = 17
+"""Quantiles that a component's scale is made of."""
+SIGNED_SHARE = 0.1
+"""A component is signed where at least this share of its values is below 0, and above."""
+_PRIME = (1 << 61) - 1
+_MIX = 1_000_003
+_BELOW_ONE = 1.0 - 1e-12
+
+
+class Situation(NamedTuple):
+    """What the features are made of: everything the behaviors say of a step, without their references."""
+
+    joint_state: JointState
+    """Length n."""
+    observed: tuple[tuple[float, ...], ...]
+    """What each behavior senses, length n; empty where it did not answer."""
+
+
+class Scales:
+    """Ranks: each component of what is sensed becomes a number in [0, 1), the share of the values seen below it.
+
+    Ranks need neither units nor ranges, and resolve finely what is met often. Two situations that mirror each other
+    (left and right) get the same ranks: components that take both signs are bearings or lateral offsets in frames after
+    REP 103, and change their sign together. The last of them is made positive.
+
+    Args:
+        knots: quantiles of each component, [d, KNOTS], rows not decreasing.
+        signed: which components change their sign in the mirror, [d].
+        lengths: components of each behavior, length n, sum d.
+    """
+
+    def __init__(self, knots: NDArray[np.float64], signed: NDArray[np.bool_], lengths: Sequence[int]) -> None:
+        self.knots = knots
+        self.signed = signed
+        self.lengths = tuple(lengths)
+        self._knots: list[list[float]] = knots.tolist()
+        self._signed: list[bool] = signed.tolist()
+        marked = [i for i, is_signed in enumerate(self._signed) if is_signed]
+        self._decisive = marked[-1] if marked else -1
+
+    @classmethod
+    def of(cls, situations: Sequence[Situation], mirror: bool) -> Scales:
+        """The scales of what was sensed in situations, at least one, in which every behavior answered."""
+        lengths = [len(observed) for observed in situations[0].observed]
+        values = np.array([[x for observed in each.observed for x in observed] for each in situations])
+        share = SIGNED_SHARE * len(values)
+        signed = ((values < 0).sum(axis=0) >= share) & ((values > 0).sum(axis=0) >= share)
+        if not mirror:
+            signed[:] = False
+        if signed.any():
+            decisive = values[:, np.flatnonzero(signed)[-1]]
+            values[np.ix_(decisive < 0, signed)] *= -1.0
+        knots = np.quantile(values, np.linspace(0.0, 1.0, KNOTS), axis=0).T
+        return cls(np.ascontiguousarray(knots), signed, lengths)
+
+    def ranks(self, observed: Sequence[Sequence[float]]) -> list[list[float]]:
+        """The ranks of each behavior's components; none for a behavior that did not answer, or says something else."""
+        flat: list[float | None] = []
+        for length, values in zip(self.lengths, observed, strict=True):
+            flat += values if len(values) == length else [None] * length
+        decisive = flat[self._decisive] if self._decisive >= 0 else None
+        mirrored = decisive is not None and decisive < 0.0
+        ranks: list[list[float]] = []
+        at = 0
+        for length in self.lengths:
+            own: list[float] = []
+            for i in range(at, at + length):
+                x = flat[i]
+                if x is not None:
+                    own.append(_rank(-x if mirrored and self._signed[i] else x, self._knots[i]))
+            ranks.append(own)
+            at += length
+        return ranks
+
+
+def _rank(x: float, knots: list[float]) -> float:
+    """The share of values below x, in [0, 1), linear between the knots."""
+    i = bisect_right(knots, x)
+    if i == 0:
+        return 0.0
+    if i == len(knots):
+        return _BELOW_ONE
+    low = knots[i - 1]
+    return (i - 1 + (x - low) / (knots[i] - low)) / (len(knots) - 1)
+
+
+class Resolution(NamedTuple):
+    """How finely the features tell situations apart."""
+
+    leaf_pairs: bool = True
+    """Whether there is a feature for each leaf and each pair of leaves."""
+    pair_tilings: int = 4
+    """Tilings of what each two behaviors sense."""
+    pair_tiles: int = 6
+    """Tiles along each component of such a tiling."""
+    joint_tilings: int = 4
+    """Tilings of what all behaviors sense."""
+    joint_tiles: int = 4
+    """Tiles along each component of such a tiling."""
+
+
+class Features:
+    """The indices of a situation's active features.
+
+    Active are the leaf of each behavior, each pair of leaves, and one tile of each tiling. The tilings of a kind are
+    shifted against each other by `offsets`, so that together they tell more apart than one and still generalise.
+
+    Args:
+        scales: of what is sensed.
+        offsets: shift of each tiling along each component, in tiles, [tilings, d].
+    """
+
+    def __init__(self, scales: Scales, resolution: Resolution, offsets: NDArray[np.float64]) -> None:
+        self.scales = scales
+        self.resolution = resolution
+        self.offsets = offsets
+        self._index: dict[int, int] = {}
+        shifts: list[list[float]] = offsets.tolist()
+        starts = np.concatenate([[0], np.cumsum(scales.lengths)]).tolist()
+        pairs = list(combinations(range(len(scales.lengths)), 2))
+        self._leaf_pairs = pairs if resolution.leaf_pairs else []
+        groups: list[tuple[tuple[int, ...], int, int]] = []
+        groups += [(pair, t, resolution.pair_tiles) for pair in pairs for t in range(resolution.pair_tilings)]
+        everybody = tuple(range(len(scales.lengths)))
+        groups += [
+            (everybody, resolution.pair_tilings + t, resolution.joint_tiles) for t in range(resolution.joint_tilings)
+        ]
+        self._tilings = [
+            (family, tiles, [(i, shifts[row][starts[i] : starts[i + 1]]) for i in group])
+            for family, (group, row, tiles) in enumerate(groups)
+        ]
+
+    @staticmethod
+    def random_offsets(resolution: Resolution, components: int, generator: np.random.Generator) -> NDArray[np.float64]:
+        """Offsets for `Features`, [tilings, d]."""
+        return generator.random((resolution.pair_tilings + resolution.joint_tilings, components))
+
+    def __len__(self) -> int:
+        """Features met so far."""
+        return len(self._index)
+
+    @property
+    def keys(self) -> NDArray[np.int64]:
+        """The key of every feature, in the order of their indices, [m]."""
+        return np.fromiter(self._index, dtype=np.int64, count=len(self._index))
+
+    def take_keys(self, keys: NDArray[np.int64]) -> None:
+        """Takes over keys as `keys` gives them. Raises BadInput for a key twice."""
+        index = {key: i for i, key in enumerate(keys.tolist())}
+        if len(index) != len(keys):
+            raise BadInput("the policy's array 'keys' has a feature twice")
+        self._index = index
+
+    def active(self, situation: Situation) -> list[int]:
+        """The active features; those met for the first time get an index."""
+        index = self._index
+        return [index.setdefault(key, len(index)) for key in self._keys(situation)]
+
+    def known(self, situation: Situation) -> list[int]:
+        """The active features that have an index."""
+        index = self._index
+        return [index[key] for key in self._keys(situation) if key in index]
+
+    def _keys(self, situation: Situation) -> list[int]:
+        """A number for each active feature: equal for equal features, and for no others but by a chance of 2^-61."""
+        leaves = situation.joint_state
+        keys: list[int] = []
+        if self.resolution.leaf_pairs:
+            keys += [(i + 1) * _MIX + leaf for i, leaf in enumerate(leaves) if leaf != NO_LEAF]
+            for i, j in self._leaf_pairs:
+                if leaves[i] != NO_LEAF and leaves[j] != NO_LEAF:
+                    keys.append(((-1 - i * len(leaves) - j) * _MIX + leaves[i]) * _MIX + leaves[j])
+        ranks = self.scales.ranks(situation.observed)
+        for family, tiles, members in self._tilings:
+            key = family + 1
+            for i, shift in members:
+                own = ranks[i]
+                if not own:
+                    break
+                for x, offset in zip(own, shift, strict=True):
+                    key = (key * _MIX + int(x * tiles + offset)) % _PRIME
+            else:
+                keys.append(key)
+        return keys
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """keys int64 [m], knots float64 [d, KNOTS], signed bool [d], lengths int64 [n], offsets float64 [tilings, d]."""
+        scales = self.scales
+        return {
+            "keys": self.keys,
+            "knots": scales.knots,
+            "signed": scales.signed,
+            "lengths": np.array(scales.lengths, dtype=np.int64),
+            "offsets": self.offsets,
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], resolution: Resolution) -> Features:
+        """The features that `to_arrays` told of. Raises BadInput where the arrays can't be it."""
+        lengths, knots = arrays["lengths"], arrays["knots"]
+        if lengths.ndim != 1 or (lengths < 0).any() or knots.shape != (lengths.sum(), KNOTS):
+            raise BadInput(f"the policy's array 'knots' is {list(knots.shape)}; lengths are {lengths.tolist()}")
+        if (np.diff(knots, axis=1) < 0).any():
+            raise BadInput("the policy's array 'knots' has quantiles that decrease")
+        tilings = resolution.pair_tilings + resolution.joint_tilings
+        if arrays["signed"].shape != (len(knots),) or arrays["offsets"].shape != (tilings, len(knots)):
+            raise BadInput(
+                f"the policy's array 'offsets' is {list(arrays['offsets'].shape)}; the parameters ask for "
+                f"{tilings} tilings of {len(knots)} components"
+            )
+        features = cls(Scales(knots, arrays["signed"], lengths.tolist()), resolution, arrays["offsets"])
+        features.take_keys(arrays["keys"])
+        return features

@@ -1,0 +1,19 @@
+"""The controller that the parameters name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fbql_fusion.core.controllers import Controller, FbqlLiteral, Subsumption, Uniform
+from fbql_fusion.core.fbql import Fbql
+from fbql_fusion.core.parameters import FusionParameters
+
+
+def make_controller(parameters: FusionParameters) -> Controller:
+    """Makes it, with a random stream of its own from the run's seed."""
+    if parameters.controller == "subsumption":
+        return Subsumption(parameters)
+    if parameters.controller == "uniform":
+        return Uniform(parameters)
+    learner = Fbql if parameters.controller == "fbql" else FbqlLiteral
+    return learner(parameters, np.random.default_rng(np.random.SeedSequence(parameters.seed, spawn_key=(0,))))
