@@ -61,7 +61,7 @@ class Retold:
 
 
 def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
-    """The parameters of fusion that were in force, and a line for each that this release has otherwise.
+    """The parameters of fusion that were in force, and what of them this release has otherwise, in words.
 
     Raises:
         BadInput: the recording has none, or one is out of range.
@@ -73,8 +73,10 @@ def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
         )
     ours = [field.name for field in fields(FusionParameters)]
     others = {field.name for field in fields(FusionNodeParameters)}
-    notes = [f"parameter '{name}' is not in the recording; its default is taken" for name in ours if name not in found]
-    notes += [f"parameter '{name}' of the recording is unknown here" for name in found if name not in {*ours, *others}]
+    lacking = [name for name in ours if name not in found]
+    unknown = [name for name in found if name not in {*ours, *others}]
+    notes = [f"not in the recording, their defaults are taken: {', '.join(lacking)}"] if lacking else []
+    notes += [f"parameters of the recording that are unknown here: {', '.join(unknown)}"] if unknown else []
     values = {name: found[name] for name in ours if name in found}
     return from_mapping(FusionParameters, values, f"{run.path}: config.yaml"), notes
 
@@ -142,10 +144,14 @@ class Team:
         return Behavior(name, tree, find_observation(tree.behavior, source))
 
 
-def changed(versions: Mapping[str, Any], here: Mapping[str, str]) -> list[str]:
+def changed(run: Run, revision: str, here: Mapping[str, str]) -> list[str]:
     """The software that a recording was made with in another version than is here, a line each."""
+    versions: Mapping[str, Any] = {
+        **run.config.get("versions", {}),
+        "revision": run.config.get("git_revision", revision),
+    }
     return [
         f"recorded with {name} {versions[name]}, here is {version}"
-        for name, version in here.items()
+        for name, version in {**here, "revision": revision}.items()
         if name in versions and str(versions[name]) != version
     ]

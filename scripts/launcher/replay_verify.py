@@ -12,10 +12,11 @@ from typing import Any
 from fbql_analysis import Run
 from fbql_common.core.errors import BadInput
 from fbql_fusion.core.session import Session
-from fbql_fusion.run_directory import software_versions
+from fbql_fusion.run_directory import git_revision, software_versions
 
 from launcher.interrupts import Interrupts
 from launcher.observations import know_observations
+from launcher.options import ROOT
 from launcher.panel import print_result
 from launcher.progress_line import ProgressLine
 from launcher.recomputation import Team, changed, recorded_parameters, recorded_policy, recorded_trees
@@ -43,7 +44,7 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
     seconds = monotonic() - begun_s
     difference = found.difference or _other_digest(run, found)
     if difference is not None:
-        notes += changed(run.config.get("versions", {}), software_versions())
+        notes += changed(run, git_revision(ROOT), software_versions())
     if arguments.json:
         print_result(json.dumps(_values(run, found, difference, notes, seconds)))
     else:

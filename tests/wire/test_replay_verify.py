@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from fbql_analysis import open_run
 from fbql_common.wire import (
     decode_command,
@@ -300,3 +301,17 @@ def test_damage_is_one_line_with_the_chunk(recorded, tmp_path, capsys):
 def test_options_that_do_not_go_together_are_one_line(recorded, capsys, options, says):
     assert main([str(recorded), *options]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_another_version_is_named_beside_a_difference(recorded, tmp_path, capsys):
+    source = rewrite(recorded, tmp_path / "source", lambda message: message.data, leave_out=("config.yaml",))
+    config = yaml.safe_load((source / "config.yaml").read_text())
+    config["versions"]["numpy"] = "1.0"
+    config["git_revision"] = "abc"
+    del config["parameters"]["fusion"]["tie_rule"]
+    (source / "config.yaml").write_text(yaml.safe_dump(config))
+    code, found = verify(source, capsys)
+    assert (code, found["identical"]) == (1, False), "the default is another tie rule"
+    assert found["notes"][0] == "not in the recording, their defaults are taken: tie_rule"
+    assert any(note.startswith("recorded with numpy 1.0, here is ") for note in found["notes"])
+    assert any(note.startswith("recorded with revision abc, here is ") for note in found["notes"])
