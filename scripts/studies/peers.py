@@ -67,9 +67,9 @@ def tasks(options: argparse.Namespace) -> list[Task]:
         Task(f"{CONTROLS}-trees{FIRST_TREE_SEED + k}", {"part": CONTROLS, "set": k, "seeds": options.seeds, **given})
         for k in sets
     ]
-    for seed in range(options.seeds):
-        for k in sets:
-            for method in learners:
+    for method in learners:  # a study that is cut short has whole methods
+        for seed in range(options.seeds):
+            for k in sets:
                 key = f"{method.replace(', ', '-').replace(' ', '_')}-trees{FIRST_TREE_SEED + k}-seed{seed}"
                 found.append(Task(key, {"part": method, "set": k, "seed": seed, **given}))
     return found
