@@ -11,7 +11,7 @@ pytest.importorskip("gymnasium", reason="an optional extra, which is in requirem
 
 from peers.controls import Controls, grid
 from peers.course import SLICES, Course
-from peers.learners import FBQL_LITERAL, PPO_BLEND, TABULAR, Lesson, learn
+from peers.learners import FBQL, FBQL_LITERAL, PPO_BLEND, TABULAR, Lesson, learn
 from peers.tabular import TabularParameters, TabularQ, train
 from peers.team_env import SelectionEnv, shipped_behaviors
 
@@ -92,7 +92,7 @@ def small(budget: int) -> Lesson:
     return Lesson(shipped_behaviors(), budget, training_seed=50, evaluation_seed=1050, episodes=2)
 
 
-@pytest.mark.parametrize("method", [TABULAR, FBQL_LITERAL])
+@pytest.mark.parametrize("method", [TABULAR, FBQL_LITERAL, FBQL])
 def test_a_learner_trains_for_its_budget_and_plays_frozen_on_the_evaluation(method: str) -> None:
     found = [learn(method, small(3000)) for _ in range(2)]
     for learned in found:
