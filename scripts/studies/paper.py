@@ -7,13 +7,14 @@ that learn nothing, so that episode k of a run has the same start for each.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import batched
 from pathlib import Path
 
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import Phase
+from fbql_fusion.core.metrics import EpisodeRecord
 from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters
 from fbql_fusion.core.session import Session
 from fbql_sim.core.world_loop import WorldLoop
@@ -99,16 +100,24 @@ def play_run(fusion: FusionParameters, behaviors: list[Behavior], loop: WorldLoo
     counted = [record for record in session.records if record.phase is not Phase.GUIDED]
     successes = [record for record in counted if record.outcome == "goal"]
     return {
-        "goals": len(successes),
-        "own_goals": sum(record.outcome == "own_goal" for record in counted),
-        "timeouts": sum(record.outcome == "timeout" for record in counted),
-        "episodes": len(counted),
-        "steps": sum(record.steps for record in counted),
-        "collisions_begun": sum(record.collisions_begun for record in counted),
-        "collision_steps": sum(record.collision_steps for record in counted),
-        "steps_to_goals": sum(record.steps for record in successes),
+        **figures_of(counted),
         "successes": [[record.steps, record.collisions_begun, record.collision_steps] for record in successes],
         "digest": session.digest,
+    }
+
+
+def figures_of(records: Sequence[EpisodeRecord]) -> dict[str, int]:
+    """FIGURES over episodes."""
+    successes = [record for record in records if record.outcome == "goal"]
+    return {
+        "goals": len(successes),
+        "own_goals": sum(record.outcome == "own_goal" for record in records),
+        "timeouts": sum(record.outcome == "timeout" for record in records),
+        "episodes": len(records),
+        "steps": sum(record.steps for record in records),
+        "collisions_begun": sum(record.collisions_begun for record in records),
+        "collision_steps": sum(record.collision_steps for record in records),
+        "steps_to_goals": sum(record.steps for record in successes),
     }
 
 

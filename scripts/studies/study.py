@@ -56,6 +56,7 @@ class Study(Protocol):
 
 
 STUDIES: dict[str, str] = {
+    "ladder": "studies.ladder",
     "leaf_tuning": "studies.leaf_tuning",
     "paper": "studies.paper",
     "peers": "studies.peers",

@@ -1,0 +1,111 @@
+"""FBQL trained, and played frozen: what the studies of fusion that learns have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from fbql_behaviors.core.behavior import Behavior
+from fbql_common.core.types import BehaviorOutput, Decision, Phase, WheelCommand, World
+from fbql_fusion.core.metrics import EpisodeRecord
+from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters
+from fbql_fusion.core.policy import Policy
+from fbql_fusion.core.session import Session, episode_seed
+from fbql_sim.core.scripted_law import law
+from fbql_sim.core.world_loop import WorldLoop
+from launcher.in_process import play
+
+from studies.paper import figures_of
+from studies.study import Result
+
+CURVE_EPISODES = 100
+"""Training episodes of a point of the learning curve."""
+LEARNED = ("keys", "theta", "mean", "value")
+"""What of a policy grows with what was visited."""
+
+
+class Trained(NamedTuple):
+    """What a training gave."""
+
+    policy: Policy
+    curve: list[Result]
+    """For each CURVE_EPISODES episodes: their figures, and the joint states visited so far."""
+    size: Result
+    """Features and bytes of the policy, joint states visited, and how many the trees' leaves could make."""
+
+
+def training_of(seed: int, episodes: int, **changes: Any) -> FusionParameters:
+    """The parameters of a training over so many episodes after the guided ones."""
+    given = {"controller": "fbql", "guided": GUIDED_EPISODES, "fbql_horizon": episodes, **changes}
+    return FusionParameters(seed=seed, episodes=episodes, **given)
+
+
+def train(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Trained:
+    """Plays a training to its end."""
+    session = Session(fusion)
+    visited: set[tuple[int, ...]] = set()
+    curve: list[Result] = []
+
+    def see(_world: World, _outputs: Sequence[BehaviorOutput], _command: WheelCommand, decision: Decision) -> None:
+        visited.add(decision.joint_state)
+
+    def ended() -> bool:
+        done = len(session.records) - session.guided
+        if done > 0 and (done % CURVE_EPISODES == 0 or done == fusion.episodes):
+            block = session.records[session.guided + (done - 1) // CURVE_EPISODES * CURVE_EPISODES :]
+            curve.append({**figures_of(block), "joint_states": len(visited)})
+        return True
+
+    play(session, loop, behaviors, ended, see)
+    policy = session.policy()
+    assert policy is not None
+    return Trained(policy, curve, {**size_of(policy), "joint_states": len(visited)})
+
+
+def size_of(policy: Policy) -> Result:
+    """Features and bytes of a policy, and the product of the leaves."""
+    joint_states = 1
+    for leaves in policy.leaf_counts:
+        joint_states *= leaves
+    arrays = [policy.arrays[name] for name in LEARNED if name in policy.arrays]
+    return {
+        "features": len(policy.arrays["keys"]) if "keys" in policy.arrays else 0,
+        "bytes": sum(array.nbytes for array in arrays),
+        "leaf_product": joint_states,
+    }
+
+
+def after_guidance(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Policy:
+    """What is known when the guided episodes are over and nothing more was learned."""
+    session = Session(fusion)
+    play(session, loop, behaviors, lambda: len(session.records) < session.guided)
+    session.next_episode()  # only now the guided episodes are learned from
+    policy = session.policy()
+    assert policy is not None
+    return policy
+
+
+def frozen(
+    fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop, seed: int, episodes: int,
+    policy: Policy | None = None,
+) -> Result:  # fmt: skip
+    """The figures of frozen play on so many episodes of a run seed: the same ones for every method."""
+    session = Session(replace(fusion, learn=False, guided=0, seed=seed, episodes=episodes, goals=0), policy)
+    play(session, loop, behaviors, lambda: True)
+    return figures_of(session.records)
+
+
+def law_played(loop: WorldLoop, seed: int, episodes: int) -> Result:
+    """The figures of the scripted law, which sees everything and has no trees, on the same episodes."""
+    records: list[EpisodeRecord] = []
+    for index in range(episodes):
+        world = loop.reset(index, episode_seed(seed, index))
+        begun = contact = 0
+        while not world.ended:
+            world = loop.step(*law(world))
+            begun += world.collision_begun
+            contact += world.collision
+        outcome = "goal" if world.goal else "own_goal" if world.own_goal else "timeout"
+        records.append(EpisodeRecord(index, Phase.EVALUATION, 0, outcome, world.step, begun, contact, 0.0, False))
+    return figures_of(records)
