@@ -1,6 +1,8 @@
 """Steps per second of a match in one process, with learning, against the bare physics step, interleaved in one run.
 
-Some episodes are played once and remembered. Then every round measures, one after the other, what the same episodes cost:
+A controller that learns first learns for a while (`--warm-up`), so that what is measured is learning in full flow. From
+there some episodes are played once and remembered. Then every round measures, one after the other, what the same episodes
+cost, from the same state of the learner:
 
 whole     the match as train.py plays it: session, world loop, behaviors
 bare      the Chipmunk calls of its physics, and nothing else: velocities set, physics steps, state read
@@ -12,7 +14,7 @@ decide    Session.decide on the same worlds and answers, learning included
 
 `steps_per_s` is of the whole, `physics_steps_per_s` of bare, `ratio` is the median over rounds of whole / bare. `step_us`
 tells where a step's time goes: each part without the one that it contains. The clock is processor time of this process, so
-that other programs on the machine hardly count. The guided episodes are left out: the controller drives and learns.
+that other programs on the machine hardly count.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters
+from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session, episode_seed
 from fbql_sim.core import physics as chipmunk
 from fbql_sim.core.parameters import SimulationParameters
@@ -41,7 +44,7 @@ from launcher.make_trees import SHIPPED
 from launcher.options import Parser
 
 PROGRAM = "episode.py"
-SEED = 1
+WARM_UP_SEED, SEED = 1, 2
 MICROSECONDS = 1e6
 Velocities = tuple[Any, ...]
 """What the physics sets before a step: the arguments of its calls, in order."""
@@ -62,32 +65,37 @@ def main(argv: Sequence[str]) -> int:
     parser = Parser(prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--controller", choices=CONTROLLERS, default="fbql_literal", help="who fuses (fbql_literal)")
     parser.add_argument("--steps", type=int, default=20_000, metavar="N", help="steps of a round, at least (20000)")
+    parser.add_argument(
+        "--warm-up", type=int, default=200, metavar="N", help="episodes of learning before it is measured (200)"
+    )
     parser.add_argument("--rounds", type=int, default=9, metavar="N", help="rounds to take medians over (9)")
     parser.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
     arguments = parser.parse_args(list(argv))
-    for name in ("rounds", "steps"):
-        if getattr(arguments, name) < 1:
-            parser.error(f"--{name} is {getattr(arguments, name)}; it must be 1 or more")
-    result = measure(arguments.controller, arguments.steps, arguments.rounds)
+    for name, least in (("rounds", 1), ("steps", 1), ("warm_up", 0)):
+        if getattr(arguments, name) < least:
+            option = name.replace("_", "-")
+            parser.error(f"--{option} is {getattr(arguments, name)}; it must be {least} or more")
+    result = measure(arguments.controller, arguments.steps, arguments.rounds, arguments.warm_up)
     print(json.dumps(result) if arguments.json else worded(result))
     return 0
 
 
-def measure(controller: str, steps: int, rounds: int) -> dict[str, Any]:
+def measure(controller: str, steps: int, rounds: int, warm_up: int = 0) -> dict[str, Any]:
     """The figures of a controller."""
     fusion = FusionParameters(controller=controller, seed=SEED, guided=0)
     behaviors = [Behavior(name, load_tree(SHIPPED / f"{name}.json")) for name in fusion.behaviors]
-    episodes, digest = remembered(fusion, behaviors, steps)
+    policy = learned(controller, behaviors, warm_up)
+    episodes, digest = remembered(fusion, policy, behaviors, steps)
     count = sum(len(episode.commands) for episode in episodes)
     velocities = [velocities_of(episode) for episode in episodes]
     parts: dict[str, Callable[[], float]] = {
-        "whole": lambda: whole(fusion, behaviors, len(episodes), digest),
+        "whole": lambda: whole(fusion, policy, behaviors, len(episodes), digest),
         "bare": lambda: sum(bare(*each) for each in zip(episodes, velocities, strict=True)),
         "physics": lambda: sum(map(physics, episodes)),
         "loop": lambda: sum(map(loop, episodes)),
         "resets": lambda: resets(episodes),
         "sensing": lambda: sensing(behaviors, episodes),
-        "decide": lambda: decide(fusion, episodes, digest),
+        "decide": lambda: decide(fusion, policy, episodes, digest),
     }
     found: dict[str, list[float]] = {name: [] for name in parts}
     for number in range(rounds):
@@ -114,6 +122,7 @@ def measure(controller: str, steps: int, rounds: int) -> dict[str, Any]:
             "between": of(lambda us: us["whole"] - us["loop"] - us["resets"] - us["sensing"] - us["decide"]),
         },
         "controller": controller,
+        "warm_up": warm_up if policy is not None else 0,
         "steps": count,
         "episodes": len(episodes),
         "rounds": rounds,
@@ -122,9 +131,20 @@ def measure(controller: str, steps: int, rounds: int) -> dict[str, Any]:
     }
 
 
-def remembered(fusion: FusionParameters, behaviors: Sequence[Behavior], steps: int) -> tuple[list[Episode], str]:
+def learned(controller: str, behaviors: Sequence[Behavior], episodes: int) -> Policy | None:
+    """What a controller has learned after its guided and so many more episodes; None where it learns nothing."""
+    session = Session(FusionParameters(controller=controller, seed=WARM_UP_SEED, episodes=episodes))
+    if episodes == 0 or session.guided == 0:
+        return None
+    play(session, WorldLoop(), behaviors, lambda: True)
+    return session.policy()
+
+
+def remembered(
+    fusion: FusionParameters, policy: Policy | None, behaviors: Sequence[Behavior], steps: int
+) -> tuple[list[Episode], str]:
     """Whole episodes of at least so many steps, and their digest."""
-    session, episodes = Session(fusion), list[Episode]()
+    session, episodes = Session(fusion, policy), list[Episode]()
 
     def step_decided(
         world: World, outputs: Sequence[BehaviorOutput], command: WheelCommand, _decision: Decision
@@ -140,9 +160,11 @@ def remembered(fusion: FusionParameters, behaviors: Sequence[Behavior], steps: i
     return episodes, session.digest
 
 
-def whole(fusion: FusionParameters, behaviors: Sequence[Behavior], episodes: int, digest: str) -> float:
+def whole(
+    fusion: FusionParameters, policy: Policy | None, behaviors: Sequence[Behavior], episodes: int, digest: str
+) -> float:
     """Seconds of the match."""
-    session, world_loop = Session(fusion), WorldLoop()
+    session, world_loop = Session(fusion, policy), WorldLoop()
     begun_s = process_time()
     play(session, world_loop, behaviors, lambda: len(session.records) < episodes)
     seconds = process_time() - begun_s
@@ -245,9 +267,9 @@ def sensing(behaviors: Sequence[Behavior], episodes: Sequence[Episode]) -> float
     return process_time() - begun_s
 
 
-def decide(fusion: FusionParameters, episodes: Sequence[Episode], digest: str) -> float:
-    """Seconds of Session.decide."""
-    session = Session(fusion)
+def decide(fusion: FusionParameters, policy: Policy | None, episodes: Sequence[Episode], digest: str) -> float:
+    """Seconds of Session.decide, and of what a learner does between episodes."""
+    session = Session(fusion, policy)
     begun_s = process_time()
     for episode in episodes:
         session.next_episode()

@@ -17,14 +17,16 @@ from launcher.make_trees import SHIPPED
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 
 
-@pytest.mark.parametrize("controller", ["fbql_literal", "subsumption"])
+@pytest.mark.parametrize("controller", ["fbql_literal", "fbql", "subsumption"])
 def test_the_benchmark_of_an_episode_prints_one_object_with_its_figures(
     controller: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     from measure import episode
 
-    assert episode.main(["--controller", controller, "--steps", "1500", "--rounds", "3", "--json"]) == 0
+    assert (
+        episode.main(["--controller", controller, "--steps", "1500", "--rounds", "3", "--warm-up", "2", "--json"]) == 0
+    )
     printed = capsys.readouterr().out
     assert printed.count("\n") == 1
     result = json.loads(printed)
@@ -34,10 +36,20 @@ def test_the_benchmark_of_an_episode_prints_one_object_with_its_figures(
     parts = result["step_us"]
     assert sum(parts.values()) - parts["whole"] == pytest.approx(parts["whole"], rel=0.3)
     assert result["steps"] >= 1500
+    assert result["warm_up"] == (0 if controller == "subsumption" else 2)
+    # The same match by itself.
+    behaviors = [
+        Behavior(name, load_tree(SHIPPED / f"{name}.json"))
+        for name in FusionParameters(controller=controller).behaviors
+    ]
+    policy = None
+    if controller != "subsumption":
+        learning = Session(FusionParameters(controller=controller, seed=episode.WARM_UP_SEED, episodes=2))
+        play(learning, WorldLoop(), behaviors, lambda: True)
+        policy = learning.policy()
     fusion = FusionParameters(controller=controller, seed=episode.SEED, guided=0, episodes=result["episodes"])
-    session = Session(fusion)
-    trees = {name: load_tree(SHIPPED / f"{name}.json") for name in fusion.behaviors}
-    play(session, WorldLoop(), [Behavior(name, tree) for name, tree in trees.items()], lambda: True)
+    session = Session(fusion, policy)
+    play(session, WorldLoop(), behaviors, lambda: True)
     assert (session.digest, session.steps) == (result["digest"], result["steps"])
 
 
