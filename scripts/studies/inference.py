@@ -60,14 +60,14 @@ def clustered_ratio(ours: Sums, clusters: Sequence[int], theirs: Sums | None = N
     Args:
         clusters: the tree set of each run.
     """
-    counts = _clustered_resamples(clusters)
+    resamples = Resamples(clusters)
     whole = np.ones((1, len(clusters)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratios, estimate = _ratios(counts, ours), _ratios(whole, ours)
+        ratios, estimate = _ratios(resamples.counts, ours), _ratios(whole, ours)
         if theirs is not None:
-            ratios, estimate = ratios / _ratios(counts, theirs), estimate / _ratios(whole, theirs)
-    finite = ratios[~np.isnan(ratios)]
-    low, high = np.percentile(finite, [2.5, 97.5]) if len(finite) else (np.nan, np.nan)
+            ratios, estimate = ratios / _ratios(resamples.counts, theirs), estimate / _ratios(whole, theirs)
+    known = ratios[~np.isnan(ratios)]
+    low, high = np.percentile(known, [2.5, 97.5]) if len(known) else (np.nan, np.nan)
     return Interval(float(estimate[0]), float(low), float(high))
 
 
@@ -78,19 +78,38 @@ def _ratios(counts: npt.NDArray[np.float64], sums: Sums) -> npt.NDArray[np.float
     )
 
 
-def _clustered_resamples(clusters: Sequence[int]) -> npt.NDArray[np.float64]:
-    """How often each run is drawn, [RESAMPLES, runs]."""
-    rng = np.random.default_rng(SEED)
-    members = [np.flatnonzero(np.array(clusters) == each) for each in sorted(set(clusters))]
-    counts = np.zeros((RESAMPLES, len(clusters)))
-    rows = np.arange(RESAMPLES)
-    for _ in members:
-        chosen = rng.integers(len(members), size=RESAMPLES)
-        for k, runs in enumerate(members):
-            here = rows[chosen == k]
-            drawn = runs[rng.integers(len(runs), size=(len(here), len(runs)))]
-            np.add.at(counts, (here[:, None], drawn), 1.0)
-    return counts
+class Resamples:
+    """Resamples of runs: clusters are drawn with replacement, then as many runs of each as it has.
+
+    Args:
+        clusters: the cluster of each run.
+    """
+
+    def __init__(self, clusters: Sequence[int]) -> None:
+        rng = np.random.default_rng(SEED)
+        members = [np.flatnonzero(np.array(clusters) == each) for each in sorted(set(clusters))]
+        self.counts = np.zeros((RESAMPLES, len(clusters)))
+        """How often each run was drawn, [RESAMPLES, runs]."""
+        rows = np.arange(RESAMPLES)
+        for _ in members:
+            chosen = rng.integers(len(members), size=RESAMPLES)
+            for k, runs in enumerate(members):
+                here = rows[chosen == k]
+                drawn = runs[rng.integers(len(runs), size=(len(here), len(runs)))]
+                np.add.at(self.counts, (here[:, None], drawn), 1.0)
+
+    def mean_band(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """The mean over runs at each point, and its 95 % interval, [3, points].
+
+        Args:
+            values: [runs, points]; NaN where a run has none, which then counts in nothing.
+        """
+        there = ~np.isnan(values)
+        known = np.where(there, values, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            means = (self.counts @ known) / (self.counts @ there)
+        low, high = np.nanpercentile(means, [2.5, 97.5], axis=0)
+        return np.array([known.sum(axis=0) / there.sum(axis=0), low, high])
 
 
 def mean_interval(values: Sequence[float]) -> Interval:

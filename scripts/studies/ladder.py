@@ -20,10 +20,10 @@ from launcher.make_trees import make_tree
 
 from studies.comparison import method_row, runs_by_method
 from studies.ladder_rungs import rung_rows, tree_rows
-from studies.paper import BEHAVIORS, FIRST_RUN_SEED, FIRST_TREE_SEED, retuned
+from studies.paper import BEHAVIORS, FIRST_RUN_SEED, FIRST_TREE_SEED, after_guidance, retuned
 from studies.peers import MOST_TREE_SETS, SEEDS_OF_A_TREE_SET, evaluation_seed_of
 from studies.study import MEASURED, Parameters, Result, Row, Task
-from studies.training import after_guidance, frozen, law_played, train, training_of
+from studies.training import frozen, law_played, train, training_of
 
 DESCRIPTION = (
     "fbql trained on fresh trees, then frozen against Subsumption, equal weights, its twins and the scripted law"

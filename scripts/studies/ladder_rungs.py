@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import nan
 from typing import Any
 
-from studies.comparison import Runs, cost_ratio, cost_ratios_by_trees, finite, ratio
+from studies.comparison import Runs, cost_ratio, cost_ratios_by_trees, finite, p_of, ratio
 from studies.study import Row
 
 COST_TO_RETUNED = 0.65
@@ -13,6 +14,10 @@ COST_TO_RETUNED_ON_ANY_TREES = 1.0
 SUCCESS_RATE = 0.98
 OWN_GOALS = 0.005
 STEPS_TO_LAW = 2.0
+EARLY_OWN_GOALS = 0.35
+EARLY_COST = 0.85
+EARLY_P = 0.01
+TWIN_COST = 1.0
 
 
 def tree_rows(ours: Runs, retuned: Runs, results: Mapping[str, Mapping[str, Any]]) -> list[Row]:
@@ -63,6 +68,24 @@ def rung_rows(ours: Runs, retuned: Runs, law: Runs) -> list[Row]:
         rows.append(_rung("b", f"{name.replace('_', ' ')} / goals, at most re-tuned's", found, most))
     rows.append(_rung("c", "steps of a success to the scripted law's", steps / floor, STEPS_TO_LAW))
     return [finite(row) for row in rows]
+
+
+def early_rung_rows(method: str, by_method: Mapping[str, Runs], paper: str, *twins: str) -> list[Row]:
+    """Rung a: in the paper's 50 goals, while it learns, against the paper-like Subsumption and its frozen twins."""
+    ours, theirs = by_method[method], by_method[paper]
+    own_goals = [sum(run["own_goals"] for run in runs.values()) for runs in (ours, theirs)]
+    p = p_of(ours, theirs)
+    rows = [
+        _rung(
+            method, "own goals to Subsumption's", own_goals[0] / own_goals[1] if own_goals[1] else nan, EARLY_OWN_GOALS
+        ),
+        _rung(method, "cost/goal to Subsumption's", cost_ratio(ours, theirs).estimate, EARLY_COST),
+        _rung(method, "p of the cost", nan if p is None else p, EARLY_P),
+    ]
+    rows += [
+        _rung(method, f"cost/goal to '{twin}'", cost_ratio(ours, by_method[twin]).estimate, TWIN_COST) for twin in twins
+    ]
+    return [finite({**row, "rung": f"a, {method}"}) for row in rows]
 
 
 def _rung(rung: str, measure: str, found: float, wanted: float, at_least: bool = False) -> Row:

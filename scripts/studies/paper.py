@@ -14,14 +14,20 @@ from pathlib import Path
 
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import Phase
-from fbql_fusion.core.metrics import EpisodeRecord
+from fbql_fusion.core.controllers import FbqlLiteral
+from fbql_fusion.core.equations import tied
+from fbql_fusion.core.metrics import OUTCOMES, EpisodeRecord
 from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters
+from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session
+from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from launcher.in_process import play
 from launcher.make_trees import make_tree
 
-from studies.inference import paired_p_value, ratio_of_sums
+from studies.comparison import Runs, method_row, runs_by_method
+from studies.courses import courses
+from studies.ladder_rungs import early_rung_rows
 from studies.study import Parameters, Result, Row, Task
 
 DESCRIPTION = "the paper's protocol: 20 guided episodes, then until 50 goals, all methods on the same starts"
@@ -37,17 +43,8 @@ RUNS_PER_TASK = 4
 MOST_EPISODES = 400
 """A method that does not score 50 goals in so many episodes ends there."""
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
-FIGURES = (
-    "goals",
-    "own_goals",
-    "timeouts",
-    "episodes",
-    "steps",
-    "collisions_begun",
-    "collision_steps",
-    "steps_to_goals",
-)
-
+_DRAWN = {"controller": "fbql", "fbql_play": "drawn"}
+"""As fbql plays while it learns."""
 METHODS: dict[str, FusionParameters] = {
     "subsumption, paper": FusionParameters(controller="subsumption", preset="paper"),
     "subsumption, tuned": FusionParameters(controller="subsumption", preset="tuned"),
@@ -56,8 +53,18 @@ METHODS: dict[str, FusionParameters] = {
     "fbql literal, ties: none": FusionParameters(controller="fbql_literal", tie_rule="none"),
     "fbql literal, ties: first": FusionParameters(controller="fbql_literal", tie_rule="first"),
     "fbql literal, frozen twin": FusionParameters(controller="fbql_literal", learn=False),
+    "fbql": FusionParameters(**_DRAWN),
+    "fbql, only guided": FusionParameters(**_DRAWN, learn=False),
+    "fbql, paper's guide": FusionParameters(**_DRAWN, preset="paper"),
+    "fbql, paper's guide, only guided": FusionParameters(**_DRAWN, preset="paper", learn=False),
+    "fbql, never learned": FusionParameters(**_DRAWN, learn=False),
 }
-RETUNED = "subsumption, re-tuned"
+"""The guide of a learner is Subsumption with the tuned preset, but where the method says otherwise."""
+PAPER, RETUNED = "subsumption, paper", "subsumption, re-tuned"
+LITERAL_TWIN, UNTRAINED = "fbql literal, frozen twin", "fbql, never learned"
+TWINS = {"fbql": "fbql, only guided", "fbql, paper's guide": "fbql, paper's guide, only guided"}
+"""Learner -> the same, frozen when the guided episodes were over."""
+CONTROLS = {"paper": PAPER, "retuned": RETUNED, "frozen": LITERAL_TWIN, "untrained": UNTRAINED}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -65,21 +72,32 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, default=20, metavar="N", help="run seeds of each tree set (20)")
     parser.add_argument("--trees", type=int, default=5, metavar="N", help="tree sets, each of other demonstrations (5)")
     parser.add_argument("--goals", type=int, default=50, metavar="N", help="goals after the guided episodes (50)")
+    most = SimulationParameters().max_steps
+    parser.add_argument(
+        "--max-steps", type=int, default=most, metavar="N", help=f"steps after which an episode is truncated ({most})"
+    )
+
+
+DRAWN = (PAPER, RETUNED, "fbql literal, ties: none", "fbql")
+"""The methods of the figures."""
 
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """A task for each tree set and every RUNS_PER_TASK run seeds."""
     return [
-        Task(f"trees{tree}-seeds{block[0]}", {"tree_seed": tree, "run_seeds": list(block), "goals": options.goals})
+        Task(
+            f"trees{tree}-seeds{block[0]}",
+            {"tree_seed": tree, "run_seeds": list(block), "goals": options.goals, "max_steps": options.max_steps},
+        )
         for tree in range(FIRST_TREE_SEED, FIRST_TREE_SEED + options.trees)
         for block in batched(range(FIRST_RUN_SEED, FIRST_RUN_SEED + options.seeds), RUNS_PER_TASK)
     ]
 
 
 def run(parameters: Parameters) -> Result:
-    """Plays every method for every run seed; gives its figures, and the steps and collisions of its successes."""
+    """Plays every method for every run seed; gives its figures and its episodes."""
     behaviors = [Behavior(name, make_tree(name, parameters["tree_seed"]).tree) for name in BEHAVIORS]
-    loop = WorldLoop()
+    loop = WorldLoop(SimulationParameters(max_steps=parameters["max_steps"]))
     thresholds = retuned(behaviors, loop)
     runs: list[dict[str, object]] = []
     for seed in parameters["run_seeds"]:
@@ -89,25 +107,47 @@ def run(parameters: Parameters) -> Result:
             )
             if method == RETUNED:
                 fusion = replace(fusion, wall_threshold_m=thresholds[0], approach_threshold_rad=thresholds[1])
-            runs.append({"method": method, "seed": seed, **play_run(fusion, behaviors, loop)})
+            policy = None
+            if method in TWINS.values():
+                policy = after_guidance(replace(fusion, learn=True), behaviors, loop)
+            runs.append({"method": method, "seed": seed, **play_run(fusion, behaviors, loop, policy)})
     return {"tree_seed": parameters["tree_seed"], "retuned": list(thresholds), "runs": runs}
 
 
-def play_run(fusion: FusionParameters, behaviors: list[Behavior], loop: WorldLoop) -> dict[str, object]:
-    """One run of one method: FIGURES over the episodes that count, and a row [steps, begun, contact] for each goal."""
-    session = Session(fusion)
+def play_run(
+    fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop, policy: Policy | None = None
+) -> dict[str, object]:
+    """One run of one method: what is counted, and [outcome, steps, begun, contact] of each episode."""
+    session = Session(fusion, policy)
     play(session, loop, behaviors, lambda: True)
     counted = [record for record in session.records if record.phase is not Phase.GUIDED]
-    successes = [record for record in counted if record.outcome == "goal"]
-    return {
+    result: dict[str, object] = {
         **figures_of(counted),
-        "successes": [[record.steps, record.collisions_begun, record.collision_steps] for record in successes],
+        "course": [
+            [OUTCOMES.index(record.outcome), record.steps, record.collisions_begun, record.collision_steps]
+            for record in counted
+        ],
         "digest": session.digest,
     }
+    learned = session.policy()
+    if learned is not None and learned.kind == FbqlLiteral.kind and fusion.learn:
+        q = learned.arrays["q"]
+        result |= {"joint_states": len(q), "tied": tied(q)}
+    return result
+
+
+def after_guidance(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Policy:
+    """What is known when the guided episodes are over and nothing more was learned."""
+    session = Session(fusion)
+    play(session, loop, behaviors, lambda: len(session.records) < session.guided)
+    session.next_episode()  # only now the guided episodes are learned from
+    policy = session.policy()
+    assert policy is not None
+    return policy
 
 
 def figures_of(records: Sequence[EpisodeRecord]) -> dict[str, int]:
-    """FIGURES over episodes."""
+    """What is counted over episodes."""
     successes = [record for record in records if record.outcome == "goal"]
     return {
         "goals": len(successes),
@@ -140,52 +180,48 @@ def retuned(behaviors: list[Behavior], loop: WorldLoop) -> tuple[float, float]:
 
 
 def table(results: Mapping[str, Result]) -> list[Row]:
-    """Method x what it reached, with intervals over runs and paired tests against the controls."""
-    runs: dict[str, list[dict[str, float]]] = {method: [] for method in METHODS}
-    for result in results.values():
-        for each in result["runs"]:
-            runs[each["method"]].append(each)
-    if not results:
-        return []
-    return [_row(method, runs) for method in METHODS]
+    """Methods, with intervals over tree sets and runs and paired with the controls; then the rungs of 50 goals."""
+    by_method = runs_of(results)
+    rows = [
+        {
+            **method_row(method, by_method, CONTROLS | ({"guided": TWINS[method]} if method in TWINS else {})),
+            **_tied(runs),
+        }
+        for method, runs in by_method.items()
+    ]
+    columns = {name: None for row in rows for name in row}
+    rows = [{**columns, **row} for row in rows]
+    if PAPER in by_method:
+        for method in TWINS:
+            if method in by_method:
+                rows += early_rung_rows(method, by_method, PAPER, UNTRAINED, TWINS[method])
+    return rows
 
 
-def _row(method: str, runs: Mapping[str, list[dict[str, float]]]) -> Row:
-    own = runs[method]
-    sums = {name: sum(each[name] for each in own) for name in FIGURES}
-    cost = ratio_of_sums([each["steps"] for each in own], [each["goals"] for each in own])
-    success = ratio_of_sums([each["goals"] for each in own], [each["episodes"] for each in own])
-    row: Row = {
-        "method": method,
-        "runs": len(own),
-        "goals": sums["goals"],
-        "own_goals": sums["own_goals"],
-        "timeouts": sums["timeouts"],
-        "success_rate": success.estimate,
-        "cost_per_goal": cost.estimate,
-        "cost_low": cost.low,
-        "cost_high": cost.high,
-        "steps_per_success": sums["steps_to_goals"] / sums["goals"] if sums["goals"] else None,
-        "collisions_begun_per_goal": sums["collisions_begun"] / sums["goals"] if sums["goals"] else None,
-        "collision_steps_per_goal": sums["collision_steps"] / sums["goals"] if sums["goals"] else None,
+def runs_of(results: Mapping[str, Result]) -> dict[str, Runs]:
+    """Method -> (tree seed, run seed) -> run."""
+    found = ({**each, "tree_seed": result["tree_seed"]} for result in results.values() for each in result["runs"])
+    return runs_by_method(found, tuple(METHODS))
+
+
+def _tied(runs: Runs) -> Row:
+    """How many joint states the literal learner met on average, and in what share of them all Q are equal in the end."""
+    met = [run for run in runs.values() if "tied" in run]
+    joint_states = sum(run["joint_states"] for run in met)
+    if not joint_states:
+        return {"joint_states": None, "tied_share": None}
+    return {
+        "joint_states": joint_states / len(met),
+        "tied_share": sum(run["tied"] for run in met) / joint_states,
     }
-    for name, control in (
-        ("paper", "subsumption, paper"),
-        ("retuned", RETUNED),
-        ("frozen", "fbql literal, frozen twin"),
-    ):
-        other = runs[control]
-        ratio = cost.estimate / ratio_of_sums([x["steps"] for x in other], [x["goals"] for x in other]).estimate
-        row[f"ratio_{name}"] = ratio
-        row[f"p_{name}"] = None if method == control else paired_p_value(_costs(own), _costs(other))
-    return row
-
-
-def _costs(runs: list[dict[str, float]]) -> list[float]:
-    """cost/goal of each run; one without a goal costs what it took."""
-    return [each["steps"] / max(each["goals"], 1) for each in runs]
 
 
 def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
-    """None yet: the analogues of Figs. 10 to 14 come with the fusion study."""
-    return []
+    """The analogues of the paper's Figs. 10 to 14, and the numbers they are drawn from (curves.json)."""
+    by_method = runs_of(results)
+    if not by_method:
+        return []
+    from studies.fusion_figures import draw, write_curves
+
+    curves = {"paper": courses({method: by_method[method] for method in DRAWN if method in by_method})}
+    return [write_curves(curves, directory), *draw(curves, directory)]

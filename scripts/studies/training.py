@@ -76,16 +76,6 @@ def size_of(policy: Policy) -> Result:
     }
 
 
-def after_guidance(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Policy:
-    """What is known when the guided episodes are over and nothing more was learned."""
-    session = Session(fusion)
-    play(session, loop, behaviors, lambda: len(session.records) < session.guided)
-    session.next_episode()  # only now the guided episodes are learned from
-    policy = session.policy()
-    assert policy is not None
-    return policy
-
-
 def frozen(
     fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop, seed: int, episodes: int,
     policy: Policy | None = None,

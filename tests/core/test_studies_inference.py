@@ -4,7 +4,15 @@ from itertools import product
 
 import numpy as np
 import pytest
-from studies.inference import RESAMPLES, mean_interval, paired_p_value, ratio_of_sums
+from studies.inference import (
+    RESAMPLES,
+    Resamples,
+    Sums,
+    clustered_ratio,
+    mean_interval,
+    paired_p_value,
+    ratio_of_sums,
+)
 
 
 def test_ratio_of_sums_weighs_runs_by_their_goals():
@@ -42,3 +50,33 @@ def test_the_same_runs_give_the_same_numbers():
     steps, goals = [310.0, 700.0, 520.0], [1.0, 2.0, 1.0]
     assert ratio_of_sums(steps, goals) == ratio_of_sums(steps, goals)
     assert paired_p_value(steps, goals) == paired_p_value(steps, goals)
+
+
+def test_clustered_ratio_is_the_ratio_of_sums_and_of_equal_runs_has_no_width():
+    assert clustered_ratio(Sums([100.0, 900.0], [1.0, 9.0]), [1, 2]).estimate == 100.0
+    twice = clustered_ratio(Sums([200.0, 1800.0], [1.0, 9.0]), [1, 2], Sums([100.0, 900.0], [1.0, 9.0]))
+    assert twice == (2.0, 2.0, 2.0)
+
+
+def test_runs_of_few_clusters_say_less_than_as_many_independent_ones():
+    values = [1.0, 1.1, 0.9, 1.0, 2.0, 2.1, 1.9, 2.0, 3.0, 3.1, 2.9, 3.0]
+    ones = [1.0] * len(values)
+    clustered = clustered_ratio(Sums(values, ones), [k // 4 for k in range(12)])
+    independent = clustered_ratio(Sums(values, ones), list(range(12)))
+    assert clustered.high - clustered.low > 1.5 * (independent.high - independent.low)
+    assert independent == pytest.approx(mean_interval(values), abs=0.02)
+
+
+def test_a_resample_draws_as_many_runs_as_its_clusters_have():
+    counts = Resamples([7, 7, 9, 9, 9]).counts
+    sizes = {tuple(row) for row in np.stack([counts[:, :2].sum(axis=1), counts[:, 2:].sum(axis=1)], axis=1).tolist()}
+    assert sizes == {(4.0, 0.0), (2.0, 3.0), (0.0, 6.0)}
+    assert counts.mean(axis=0) == pytest.approx([1.0] * 5, abs=0.05)
+
+
+def test_band_of_one_point_is_the_interval_of_the_mean_and_leaves_out_what_is_not_there():
+    values = np.array([[1.0, 1.0], [2.0, np.nan], [4.0, 3.0]])
+    band = Resamples([1, 2, 3]).mean_band(values)
+    assert band[0] == pytest.approx([7 / 3, 2.0])
+    assert band[:, 1].tolist() == [2.0, 1.0, 3.0]
+    assert band[:, 0] == pytest.approx(clustered_ratio(Sums([1.0, 2.0, 4.0], [1.0] * 3), [1, 2, 3]))

@@ -6,7 +6,7 @@ Python is several times faster than NumPy. Arrays of length n are in the order o
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from math import isfinite
 
 
@@ -106,3 +106,12 @@ def normalised(weights: Sequence[float], floor: float) -> tuple[float, ...] | No
     if total == 0.0 or not isfinite(total):
         return None
     return tuple([w / total for w in raised])
+
+
+def tied(q: Iterable[Sequence[float]]) -> int:
+    """In how many joint states all Q are equal, to the last bit: eq. 6 has no argmax to choose there.
+
+    Args:
+        q: Q(s, B_i) of each joint state, each of length n.
+    """
+    return sum(all(x == row[0] for x in row) for row in q)
