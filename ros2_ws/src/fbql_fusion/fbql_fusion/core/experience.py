@@ -11,7 +11,11 @@ from fbql_common.core.errors import BadInput
 from numpy.typing import NDArray
 
 from fbql_fusion.core import policy_gradient as eq
-from fbql_fusion.core.features import Situation
+from fbql_fusion.core.features import Features, Situation
+from fbql_fusion.core.policy_arrays import check_arrays, check_range, rows_of
+
+_THE_GUIDES = -1
+"""The driver of a guided decision until its first step says whom the guide took."""
 
 
 @dataclass
@@ -36,7 +40,7 @@ class Episode:
     def begin_decision(self, situation: Situation, active: list[int] | None, driver: int, chance: float) -> None:
         """A decision was taken. `active` is None as long as there are no features."""
         self._add(situation, active)
-        self.drivers.append(driver)
+        self.drivers.append(_THE_GUIDES if self.guided else driver)
         self.chances.append(chance)
         self.rewards.append(0.0)
         self.discounts.append(1.0)
@@ -45,8 +49,8 @@ class Episode:
         """A step of the decision under way. False where nobody drove, so that nothing can be learned from it."""
         if not self.drivers or driver < 0:
             return False
-        if self.guided and self.discounts[-1] == 1.0:
-            self.drivers[-1] = driver  # the guide drove, not who was drawn
+        if self.drivers[-1] == _THE_GUIDES:
+            self.drivers[-1] = driver
         self.rewards[-1] += self.discounts[-1] * reward
         self.discounts[-1] *= discount
         return True
@@ -125,27 +129,22 @@ class Batch(NamedTuple):
         }
 
     @staticmethod
-    def from_arrays(arrays: Mapping[str, NDArray[Any]], features: int, behaviors: int) -> list[Episode]:
+    def from_arrays(arrays: Mapping[str, NDArray[Any]], features: Features, behaviors: int) -> list[Episode]:
         """The episodes that `to_arrays` told of. Raises BadInput where the arrays can't be it."""
         names = ("lengths", "terminated", "active", "driver", "chance", "reward", "discount")
-        missing = [name for name in names if f"waiting_{name}" not in arrays]
-        if missing:
-            raise BadInput(f"the policy has no array 'waiting_{missing[0]}'")
+        count, total = rows_of(arrays, "waiting_lengths"), rows_of(arrays, "waiting_driver")
+        width = features.active_features if count else 0
+        shapes = ((count,), (count,), (count + total, width), (total,), (total,), (total,), (total,))
+        kinds = zip("ibiifff", shapes, strict=True)
+        check_arrays(arrays, {f"waiting_{name}": kind for name, kind in zip(names, kinds, strict=True)})
+        check_range(arrays, "waiting_lengths", 1, total)
+        check_range(arrays, "waiting_active", 0, len(features) - 1)
+        check_range(arrays, "waiting_driver", 0, behaviors - 1)
+        check_range(arrays, "waiting_chance", float(np.finfo(np.float64).tiny), 1.0)
+        check_range(arrays, "waiting_discount", 0.0, 1.0)
         lengths, terminated, active, driver, *rest = (arrays[f"waiting_{name}"] for name in names)
-        total = int(lengths.sum()) if lengths.ndim == 1 else -1
-        if (
-            total < 0
-            or (lengths < 1).any()
-            or terminated.shape != lengths.shape
-            or active.ndim != 2
-            or len(active) != total + len(lengths)
-            or any(each.shape != (total,) for each in (driver, *rest))
-        ):
+        if sum(lengths.tolist()) != total:
             raise BadInput("the policy's arrays 'waiting_*' do not fit each other")
-        if active.size and not 0 <= active.min() <= active.max() < features:
-            raise BadInput("the policy's array 'waiting_active' has a feature that is not there")
-        if driver.size and not 0 <= driver.min() <= driver.max() < behaviors:
-            raise BadInput("the policy's array 'waiting_driver' has a behavior that is not there")
         episodes: list[Episode] = []
         at = 0
         for i, length in enumerate(lengths.tolist()):

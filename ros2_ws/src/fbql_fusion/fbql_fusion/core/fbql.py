@@ -15,7 +15,7 @@ from fbql_common.core.errors import BadInput
 from numpy.typing import NDArray
 
 from fbql_fusion.core import policy_gradient as eq
-from fbql_fusion.core.experience import Batch
+from fbql_fusion.core.experience import Batch, Episode
 from fbql_fusion.core.generator_state import generator_state, set_generator_state
 from fbql_fusion.core.held_decisions import HeldDecisions, Holding, Judgement
 from fbql_fusion.core.parameters import FusionParameters
@@ -26,6 +26,8 @@ _BATCH_GROWTH = 20
 """Episodes after which a batch has one episode more."""
 _MEAN_UPDATES = 50
 """The mean that is played goes over about so many updates."""
+_ALWAYS = {"counts": ("i", (3,)), "generator": ("u", (6,))}
+"""Kind and shape of the arrays that every policy has."""
 
 
 class Fbql(HeldDecisions):
@@ -56,21 +58,24 @@ class Fbql(HeldDecisions):
     def _learn_waiting(self) -> None:
         """A batch begins with few episodes, since the first ones are long and there is most to be learned."""
         if self._waiting[-1].guided:
+            self._follow([self._waiting.pop()])
             return
         due = min(self._parameters.fbql_batch_episodes, _FIRST_BATCH + self._episodes / _BATCH_GROWTH)
         if len(self._waiting) >= due:
             self._improve()
 
     def _learn_first(self) -> None:
-        if self._waiting[0].guided:
-            self._follow()
+        guided = [episode for episode in self._waiting if episode.guided]
+        if guided:
+            self._waiting = [episode for episode in self._waiting if not episode.guided]
+            self._follow(guided)
         else:
             self._improve()
 
-    def _follow(self) -> None:
-        """Eqs. 8 and 12 on the guided episodes: the weights of the guide's drivers grow, and V learns what they led to."""
+    def _follow(self, guided: Sequence[Episode]) -> None:
+        """Eqs. 8 and 12 on guided episodes: the weights of the guide's drivers grow, and V learns what they led to."""
         parameters = self._parameters
-        batch = self._batch()
+        batch = self._batch(guided)
         for _ in range(parameters.fbql_guide_passes):
             for some in batch.minibatches(parameters.fbql_minibatch, self._generator):
                 active = batch.active[some]
@@ -81,7 +86,8 @@ class Fbql(HeldDecisions):
     def _improve(self) -> None:
         """Eqs. 9 to 12 on a batch of episodes."""
         parameters = self._parameters
-        batch = self._batch()
+        batch = self._batch(self._waiting)
+        self._waiting = []
         advantage = eq.normalised_advantages(batch.advantages)
         rate = parameters.fbql_rate * min(1.0, max(0.1, 2.0 * (1.0 - self._episodes / parameters.fbql_horizon)))
         for _ in range(parameters.fbql_passes):
@@ -108,12 +114,10 @@ class Fbql(HeldDecisions):
         surprise = returns - self._value[active].sum(axis=1)
         eq.add_shared(self._value, active, surprise, self._parameters.fbql_value_rate)
 
-    def _batch(self) -> Batch:
-        """The waiting episodes, valued by V as it is now."""
+    def _batch(self, episodes: Sequence[Episode]) -> Batch:
+        """The decisions of episodes, valued by V as it is now."""
         self._make_room()
-        batch = Batch.of(self._waiting, self._value, self._parameters.fbql_trace)
-        self._waiting = []
-        return batch
+        return Batch.of(episodes, self._value, self._parameters.fbql_trace)
 
     def _make_room(self) -> None:
         """The tables get rows for the features that were met since."""
@@ -133,7 +137,8 @@ class Fbql(HeldDecisions):
 
         theta and mean float64 [m, n], value float64 [m] (m features), counts int64 [3] (episodes, updates, updates in
         the mean), generator uint64 [6]; of the features see `Features.to_arrays`, of the episodes `experience`.
-        Guided episodes that wait for the end of guidance are not kept.
+        As long as there are no features, only counts and generator are there: guided episodes that wait for the end of
+        guidance are not kept, nor the first ones where none is guided.
         """
         arrays: dict[str, NDArray[Any]] = {
             "counts": np.array([self._episodes, self._updates, self._averaged], dtype=np.int64),
@@ -150,14 +155,15 @@ class Fbql(HeldDecisions):
     def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Takes over what `to_arrays` gave. Raises BadInput."""
         n = self._behaviors
-        check_arrays(arrays, {"counts": ("i", (3,)), "generator": ("u", (6,))})
-        if "keys" in arrays:
-            m = self._load_features(arrays, {"theta": (n,), "mean": (n,), "value": ()})
-            self._waiting = Batch.from_arrays(arrays, m, n)
-            self._theta = padded(arrays["theta"], max(m, CAPACITY))
-            self._value = padded(arrays["value"], max(m, CAPACITY))
-            self._mean = arrays["mean"].copy()
-        if (arrays["counts"] < 0).any():
-            raise BadInput("the policy's array 'counts' has a number below 0")
-        self._episodes, self._updates, self._averaged = arrays["counts"].tolist()
+        check_arrays(arrays, _ALWAYS)
+        counts: list[int] = arrays["counts"].tolist()
+        self._episodes, self._updates, self._averaged = counts
+        if not 0 <= self._averaged <= min(self._updates, _MEAN_UPDATES) or self._updates > self._episodes:
+            raise BadInput(f"the policy's array 'counts' is {counts}, which can't be")
         set_generator_state(self._generator, arrays["generator"])
+        if arrays.keys() > _ALWAYS.keys() or self._updates:
+            features = self._load_features(arrays, {"theta": (n,), "mean": (n,), "value": ()})
+            self._waiting = Batch.from_arrays(arrays, features, n)
+            self._theta = padded(arrays["theta"], max(len(features), CAPACITY))
+            self._value = padded(arrays["value"], max(len(features), CAPACITY))
+            self._mean = arrays["mean"].copy()

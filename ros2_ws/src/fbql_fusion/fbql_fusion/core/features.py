@@ -18,6 +18,7 @@ from fbql_common.core.types import NO_LEAF
 from numpy.typing import NDArray
 
 from fbql_fusion.core.joint_state import JointState
+from fbql_fusion.core.policy_arrays import check_arrays, check_range, rows_of
 
 KNOTS = 17
 """Quantiles that a component's scale is made of."""
@@ -102,7 +103,7 @@ def _rank(x: float, knots: list[float]) -> float:
     if i == len(knots):
         return _BELOW_ONE
     low = knots[i - 1]
-    return (i - 1 + (x - low) / (knots[i] - low)) / (len(knots) - 1)
+    return min((i - 1 + (x - low) / (knots[i] - low)) / (len(knots) - 1), _BELOW_ONE)
 
 
 class Resolution(NamedTuple):
@@ -124,7 +125,8 @@ class Features:
     """The indices of a situation's active features.
 
     Active are the leaf of each behavior, each pair of leaves, and one tile of each tiling. The tilings of a kind are
-    shifted against each other by `offsets`, so that together they tell more apart than one and still generalise.
+    shifted against each other by `offsets`, so that together they tell more apart than one and still generalise. A
+    behavior that tells nothing of what it senses is left out of the tilings.
 
     Args:
         scales: of what is sensed.
@@ -147,9 +149,13 @@ class Features:
             (everybody, resolution.pair_tilings + t, resolution.joint_tiles) for t in range(resolution.joint_tilings)
         ]
         self._tilings = [
-            (family, tiles, [(i, shifts[row][starts[i] : starts[i + 1]]) for i in group])
+            (family, tiles, [(i, shifts[row][starts[i] : starts[i + 1]]) for i in group if scales.lengths[i]])
             for family, (group, row, tiles) in enumerate(groups)
+            if any(scales.lengths[i] for i in group)
         ]
+        leaves = len(scales.lengths) + len(pairs) if resolution.leaf_pairs else 0
+        self.active_features = leaves + len(self._tilings)
+        """F: how many are active where every behavior answered."""
 
     @staticmethod
     def random_offsets(resolution: Resolution, components: int, generator: np.random.Generator) -> NDArray[np.float64]:
@@ -183,11 +189,14 @@ class Features:
         return [index[key] for key in self._keys(situation) if key in index]
 
     def _keys(self, situation: Situation) -> list[int]:
-        """A number for each active feature: equal for equal features, and for no others but by a chance of 2^-61."""
+        """A number for each active feature: equal for equal features, and for no others but by a chance of 2^-61.
+
+        Those of leaves are below 0, where no tile's are.
+        """
         leaves = situation.joint_state
         keys: list[int] = []
         if self.resolution.leaf_pairs:
-            keys += [(i + 1) * _MIX + leaf for i, leaf in enumerate(leaves) if leaf != NO_LEAF]
+            keys += [(-1 - i) * _MIX - leaf for i, leaf in enumerate(leaves) if leaf != NO_LEAF]
             for i, j in self._leaf_pairs:
                 if leaves[i] != NO_LEAF and leaves[j] != NO_LEAF:
                     keys.append(((-1 - i * len(leaves) - j) * _MIX + leaves[i]) * _MIX + leaves[j])
@@ -205,7 +214,8 @@ class Features:
         return keys
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """keys int64 [m], knots float64 [d, KNOTS], signed bool [d], lengths int64 [n], offsets float64 [tilings, d]."""
+        """keys int64 [m], knots float64 [d, KNOTS], signed bool [d], lengths int64 [n], offsets float64 [tilings, d],
+        resolution int64 [5]."""  # fmt: skip
         scales = self.scales
         return {
             "keys": self.keys,
@@ -213,22 +223,26 @@ class Features:
             "signed": scales.signed,
             "lengths": np.array(scales.lengths, dtype=np.int64),
             "offsets": self.offsets,
+            "resolution": np.array(self.resolution, dtype=np.int64),
         }
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], resolution: Resolution) -> Features:
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], resolution: Resolution, behaviors: int) -> Features:
         """The features that `to_arrays` told of. Raises BadInput where the arrays can't be it."""
-        lengths, knots = arrays["lengths"], arrays["knots"]
-        if lengths.ndim != 1 or (lengths < 0).any() or knots.shape != (lengths.sum(), KNOTS):
-            raise BadInput(f"the policy's array 'knots' is {list(knots.shape)}; lengths are {lengths.tolist()}")
-        if (np.diff(knots, axis=1) < 0).any():
+        check_arrays(arrays, {"resolution": ("i", (len(resolution),)), "lengths": ("i", (behaviors,))})
+        learned: list[int] = arrays["resolution"].tolist()
+        for name, found, asked in zip(Resolution._fields, learned, resolution, strict=True):
+            if found != asked:
+                raise BadInput(f"the policy was learned with fbql_{name} {found}, but the parameter is {int(asked)}")
+        lengths: list[int] = arrays["lengths"].tolist()
+        if min(lengths) < 0:
+            raise BadInput("the policy's array 'lengths' has a number below 0")
+        d, tilings = sum(lengths), resolution.pair_tilings + resolution.joint_tilings
+        check_arrays(arrays, {"knots": ("f", (d, KNOTS)), "signed": ("b", (d,)), "offsets": ("f", (tilings, d))})
+        check_arrays(arrays, {"keys": ("i", (rows_of(arrays, "keys"),))})
+        check_range(arrays, "offsets", 0.0, 1.0)
+        if (np.diff(arrays["knots"], axis=1) < 0).any():
             raise BadInput("the policy's array 'knots' has quantiles that decrease")
-        tilings = resolution.pair_tilings + resolution.joint_tilings
-        if arrays["signed"].shape != (len(knots),) or arrays["offsets"].shape != (tilings, len(knots)):
-            raise BadInput(
-                f"the policy's array 'offsets' is {list(arrays['offsets'].shape)}; the parameters ask for "
-                f"{tilings} tilings of {len(knots)} components"
-            )
-        features = cls(Scales(knots, arrays["signed"], lengths.tolist()), resolution, arrays["offsets"])
+        features = cls(Scales(arrays["knots"], arrays["signed"], lengths), resolution, arrays["offsets"])
         features.take_keys(arrays["keys"])
         return features

@@ -20,12 +20,11 @@ def generator_state(generator: np.random.Generator) -> NDArray[np.uint64]:
 def set_generator_state(generator: np.random.Generator, words: NDArray[np.uint64]) -> None:
     """Takes over what `generator_state` gave. Raises BadInput where it is no such state."""
     high, low, increment_high, increment_low, has_spare, spare = [int(word) for word in words]
-    try:
-        generator.bit_generator.state = {
-            "bit_generator": "PCG64",
-            "state": {"state": high << 64 | low, "inc": increment_high << 64 | increment_low},
-            "has_uint32": has_spare,
-            "uinteger": spare,
-        }
-    except (ValueError, OverflowError, TypeError) as error:
-        raise BadInput(f"the policy's array 'generator' is no generator's state ({error})") from None
+    if not increment_low & 1 or has_spare > 1 or spare >> 32:
+        raise BadInput("the policy's array 'generator' is no state of a generator")
+    generator.bit_generator.state = {
+        "bit_generator": "PCG64",
+        "state": {"state": high << 64 | low, "inc": increment_high << 64 | increment_low},
+        "has_uint32": has_spare,
+        "uinteger": spare,
+    }

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
+from fbql_common.core.errors import BadInput
 from fbql_common.core.types import DRIVER_BLEND, BehaviorOutput, Phase, World
 from numpy.typing import NDArray
 
@@ -58,6 +60,8 @@ class HeldDecisions(ABC):
         )
         self._alone = tuple(tuple(1.0 if i == driver else 0.0 for i in range(n)) for driver in range(n))
         self._features: Features | None = None
+        self._lengths: tuple[int, ...] | None = None
+        """How many numbers each behavior senses, length n, once it is known."""
         self._episodes: int = 0
         """Episodes that were learned from, but for the guided ones."""
         self._waiting: list[Episode] = []
@@ -101,7 +105,8 @@ class HeldDecisions(ABC):
             guided = self._waiting[0].guided
             if guided or len(self._waiting) >= FIRST_EPISODES or phase is Phase.EVALUATION:
                 self._look_back()
-        self._episode = None if phase is Phase.EVALUATION else Episode(guided=phase is Phase.GUIDED)
+        learns = self._parameters.learn and phase is not Phase.EVALUATION
+        self._episode = Episode(guided=phase is Phase.GUIDED) if learns else None
         self._linked = True
         self._held_for = 0
         self._visits.clear()
@@ -119,6 +124,8 @@ class HeldDecisions(ABC):
                 self._weights, self._q = self._judge(self._known(self._situation(joint_state, outputs)))
             return self._weights, self._driver, self._q
         situation = self._situation(joint_state, outputs)
+        if self._episode is not None and not self._is_sound(situation):
+            self._episode = None
         if world.ended:
             if self._episode is not None:
                 self._end(self._episode, situation)
@@ -129,6 +136,13 @@ class HeldDecisions(ABC):
 
     def _situation(self, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Situation:
         return Situation(joint_state, tuple([() if x is None else x.observation for x in outputs]))
+
+    def _is_sound(self, situation: Situation) -> bool:
+        """Whether every behavior senses finite numbers, and as many as ever: else it can't be learned from."""
+        lengths = tuple([len(observed) for observed in situation.observed])
+        if self._lengths is None:
+            self._lengths = lengths
+        return lengths == self._lengths and all(isfinite(sum(observed)) for observed in situation.observed)
 
     def _known(self, situation: Situation) -> Sequence[int]:
         """The active features that were met before."""
@@ -176,6 +190,8 @@ class HeldDecisions(ABC):
     def _end(self, episode: Episode, situation: Situation) -> None:
         """The episode is whole: `situation` is what it ended in."""
         self._episode = None
+        if not episode.drivers:
+            return
         episode.end(situation, None if self._features is None else self._features.active(situation))
         self._waiting.append(episode)
         if not episode.guided:
@@ -194,20 +210,20 @@ class HeldDecisions(ABC):
             episode.situations = []
         self._learn_first()
 
-    def _load_features(self, arrays: Mapping[str, NDArray[Any]], columns: Mapping[str, tuple[int, ...]]) -> int:
+    def _load_features(self, arrays: Mapping[str, NDArray[Any]], columns: Mapping[str, tuple[int, ...]]) -> Features:
         """Takes over the features, and checks the learner's tables, which have a row for each of them.
 
         Args:
-            arrays: as `to_arrays` gave them, with "keys".
+            arrays: as `to_arrays` gave them.
             columns: the shape of a row of each table of floats.
 
         Returns:
-            The number of features. Raises BadInput.
+            The features. Raises BadInput.
         """
-        m = len(arrays["keys"]) if arrays["keys"].ndim else 0
-        check_arrays(arrays, {"keys": ("i", (m,)), "lengths": ("i", (self._behaviors,))})
+        features = Features.from_arrays(arrays, self._resolution, self._behaviors)
+        if features.scales.signed.any() and not self._parameters.fbql_mirror:
+            raise BadInput("the policy was learned with fbql_mirror true, but the parameter is false")
+        m = len(features)
         check_arrays(arrays, {name: ("f", (m, *row)) for name, row in columns.items()})
-        for name, kind in {"knots": "f", "signed": "b", "offsets": "f"}.items():
-            check_arrays(arrays, {name: (kind, arrays[name].shape if name in arrays else ())})
-        self._features = Features.from_arrays(arrays, self._resolution)
-        return m
+        self._features, self._lengths = features, features.scales.lengths
+        return features

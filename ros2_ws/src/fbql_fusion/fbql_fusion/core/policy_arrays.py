@@ -11,20 +11,40 @@ from numpy.typing import NDArray
 
 CAPACITY = 1 << 14
 """Rows that a table has at first."""
+_TYPES = {"i": np.int64, "u": np.uint64, "f": np.float64, "b": np.bool_}
 
 
 def check_arrays(arrays: Mapping[str, NDArray[Any]], expected: Mapping[str, tuple[str, tuple[int, ...]]]) -> None:
-    """Raises BadInput where an array is missing, of another kind or shape, or has a value that is not finite."""
+    """Raises BadInput where an array is missing, of another kind or shape, or has a value that is not finite.
+
+    Args:
+        expected: of each array its kind, "i" int64, "u" uint64, "f" float64 or "b" bool, and its shape.
+    """
     for name, (kind, shape) in expected.items():
         if name not in arrays:
             raise BadInput(f"the policy has no array '{name}'")
         found = arrays[name]
-        if found.dtype.kind != kind or found.shape != shape:
+        if found.dtype != _TYPES[kind] or found.shape != shape:
             raise BadInput(
-                f"the policy's array '{name}' is {found.dtype} {list(found.shape)}, expected kind {kind} {list(shape)}"
+                f"the policy's array '{name}' is {found.dtype} {list(found.shape)}, "
+                f"expected {np.dtype(_TYPES[kind])} {list(shape)}"
             )
         if kind == "f" and not np.isfinite(found).all():
             raise BadInput(f"the policy's array '{name}' has a value that is not finite")
+
+
+def check_range(arrays: Mapping[str, NDArray[Any]], name: str, low: float, high: float) -> None:
+    """Raises BadInput where a value of an array is outside of [low, high]."""
+    found = arrays[name]
+    if found.size and not low <= found.min() <= found.max() <= high:
+        raise BadInput(
+            f"the policy's array '{name}' goes from {found.min():g} to {found.max():g}, outside of [{low:g}, {high:g}]"
+        )
+
+
+def rows_of(arrays: Mapping[str, NDArray[Any]], name: str) -> int:
+    """Length of an array; 0 where it is missing or has none, which `check_arrays` then says."""
+    return len(arrays[name]) if name in arrays and arrays[name].ndim else 0
 
 
 def grown(table: NDArray[np.float64], rows: int) -> NDArray[np.float64]:

@@ -119,10 +119,18 @@ def divergence(weights: Floats, drawn: NDArray[np.int64], chance: Floats) -> flo
 def add_shared(table: Floats, active: NDArray[np.int64], steps: Floats, rate: float) -> None:
     """Eqs. 11 and 12's assignment: each of the F active features of a decision takes rate / F of its step.
 
+    Decisions that share features move each other: by L times its step, if all of them step alike. Where L > 1 (a robot
+    that stands still decides the same over and over) the step is divided by L, so that nothing overshoots its target.
+
     Args:
         table: [features, n] or [features]; changed in place.
         active: [N, F].
         steps: [N, n] or [N].
     """
     features = active.shape[1]
-    np.add.at(table, active.ravel(), np.repeat(steps * (rate / features), features, axis=0))
+    if not features:
+        return
+    every = active.ravel()
+    moved = np.bincount(every)[active].sum(axis=1) * (rate / features)
+    steps = (steps.T / np.maximum(moved, 1.0)).T
+    np.add.at(table, every, np.repeat(steps * (rate / features), features, axis=0))
