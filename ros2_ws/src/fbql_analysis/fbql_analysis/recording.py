@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -200,9 +200,13 @@ class Run:
                 data.begins_again,
             )
 
-    def episodes(self) -> list[Episode]:
-        """The episodes. Raises Corrupt."""
-        episodes = list(episodes_of(self.steps()))
+    def episodes(self, steps: Iterable[Step] | None = None) -> list[Episode]:
+        """The episodes. Raises Corrupt.
+
+        Args:
+            steps: those of `steps()`, from whoever reads them anyway; they are read here unless given.
+        """
+        episodes = list(episodes_of(self.steps() if steps is None else steps))
         seeds = self._seeds()
         for episode in episodes:
             episode.seed = seeds.get(episode.index)

@@ -111,6 +111,11 @@ def condition(feature: Feature, low: float, high: float) -> tuple[str, str]:
     return subject, _interval(feature.unit, low, high, low == feature.low, high == feature.high)
 
 
+def is_direction(feature: Feature) -> bool:
+    """Whether a feature is told as a direction: so many degrees to the left or to the right."""
+    return _subject_and_kind(feature)[1] == "direction"
+
+
 def motion_of(left_rad_s: float, right_rad_s: float) -> Motion:
     """What a pair of wheel velocities does.
 

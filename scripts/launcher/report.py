@@ -1,0 +1,111 @@
+"""`scripts/report.py`: a recorded run as one page that explains it.
+
+Exit codes: 0 done, 1 failed, 2 bad input, 3 done, but the recording is incomplete.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from launcher.interrupts import Interrupted, Interrupts
+
+PROGRAM = "report.py"
+DONE, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
+PAGE = "report.html"
+"""What the page in a run directory is called."""
+
+
+def main(argv: Sequence[str]) -> int:
+    """Runs the command. Gives the exit code."""
+    interrupts = Interrupts()
+    from fbql_analysis import open_run
+    from fbql_common.core.errors import BadInput
+
+    from launcher.panel import print_result
+
+    arguments = parser().parse_args(list(argv))
+    try:
+        run = open_run(arguments.run, skip_corrupt=arguments.skip_corrupt)
+        out = arguments.out or default_page(run.path)
+        if out.exists() and not arguments.force:
+            raise BadInput(f"{out} exists; --force replaces it, --out FILE writes elsewhere")
+        found = _write(run, out, interrupts)
+    except BadInput as error:
+        print(f"{PROGRAM}: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except Interrupted as error:
+        print(f"{PROGRAM}: {error}", file=sys.stderr)
+        return FAILED
+    for warning in run.warnings:
+        print(f"{PROGRAM}: warning: {warning}", file=sys.stderr)
+    print_result(json.dumps(found) if arguments.json else _words(found))
+    return DONE if arguments.allow_incomplete or run.is_complete else INCOMPLETE
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    from launcher.options import Parser
+
+    command = Parser(
+        prog=PROGRAM,
+        description="Writes the report of a recorded run: one HTML page that needs no network, with the field, every "
+        "behavior's leaf in words, weights, Q, rewards, timelines, parameters and hashes.",
+        epilog="Exit codes: 0 done; 1 failed; 2 bad input; 3 done, but the recording is incomplete.",
+    )
+    command.add_argument("run", type=Path, metavar="RUN", help="run directory, bag of ROS 2 (MCAP), or .mcap file")
+    command.add_argument("--out", type=Path, metavar="FILE", help=f"the page (RUN/{PAGE}; beside an .mcap file)")
+    command.add_argument("--force", action="store_true", help="replace a page that is there")
+    command.add_argument("--allow-incomplete", action="store_true", help="exit with 0, not 3, where it is incomplete")
+    command.add_argument("--skip-corrupt", action="store_true", help="leave damaged chunks out instead of ending there")
+    command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    return command
+
+
+def default_page(run: Path) -> Path:
+    """Where the page of a run goes: into its directory, or beside a file."""
+    return run / PAGE if run.is_dir() else run.with_name(f"{run.name.split('.mcap')[0]}-{PAGE}")
+
+
+def _write(run: Any, out: Path, interrupts: Interrupts) -> dict[str, Any]:
+    """The page is there whole or not at all."""
+    from fbql_common.core.errors import BadInput
+    from reporting.page import write_page
+
+    from launcher.progress_line import ProgressLine
+
+    total = max(run.counts.values(), default=0)
+
+    def progress(steps: int) -> None:
+        if interrupts.came:
+            raise Interrupted(f"ended by {interrupts.name}; nothing was written")
+        line.show(f"{steps} of {total} steps")
+
+    temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
+    try:
+        try:
+            with temporary.open("x", encoding="utf-8") as file, closing(ProgressLine()) as line:
+                contents = write_page(run, file, progress)
+            temporary.replace(out)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise BadInput(f"{out}: can't be written ({error.strerror or error})") from None
+    return {
+        "path": str(out),
+        "bytes": out.stat().st_size,
+        "steps": contents.steps,
+        "episodes": len(contents.episodes),
+        "complete": run.is_complete,
+    }
+
+
+def _words(found: dict[str, Any]) -> str:
+    size = f"{found['bytes'] / 1e6:.1f} MB"
+    return f"report {found['path']} ({size}; {found['steps']} steps, {found['episodes']} episodes)"
