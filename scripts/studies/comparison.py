@@ -29,9 +29,9 @@ def ratio(runs: Runs, numerator: str, denominator: str) -> Interval:
 
 
 def cost_ratio(ours: Runs, theirs: Runs) -> Interval:
-    """Our cost/goal over theirs, over the runs that both have."""
+    """Our cost/goal over theirs, over the runs that both have; NaN where they have no goal."""
     both = [key for key in ours if key in theirs]
-    if not both:
+    if not any(theirs[key]["goals"] for key in both):
         return Interval(nan, nan, nan)
     sums = [_sums((runs[key] for key in both), "steps", "goals") for runs in (ours, theirs)]
     return clustered_ratio(sums[0], [tree for tree, _ in both], sums[1])

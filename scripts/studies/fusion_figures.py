@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from io import StringIO
+from math import cos, degrees, nan, sin
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from fbql_fusion.atomic_file import write_atomically
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+from numpy.typing import NDArray
 
 from studies.courses import MEASURES
 
@@ -21,11 +29,13 @@ Curves = Mapping[str, Any]
 CURVES = "curves.json"
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#888888"
+SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY, BLACK, GREY)
 COLOURS = {
     "fbql": BLUE,
     "subsumption, paper": VERMILLION,
     "subsumption, re-tuned": GREEN,
     "fbql literal, ties: none": PURPLE,
+    "scripted law, sees all": GREY,
 }
 STYLE = {
     "font.size": 9,
@@ -91,5 +101,146 @@ def paper_figure(numbers: Mapping[str, Any]) -> Figure:
     return figure
 
 
-FIGURES: dict[str, Callable[[Any], Figure]] = {"paper": paper_figure}
+def learning_figure(numbers: Mapping[str, Any]) -> Figure:
+    """Success rate and cost of a goal over the course of the training, exploration included."""
+    figure = Figure((9.5, 3.4), layout="constrained")
+    axes = figure.subplots(1, 2)
+    _learning(axes, numbers)
+    return figure
+
+
+def _learning(axes: Sequence[Axes], numbers: Mapping[str, Any]) -> None:
+    labels = {"cost": "steps of all episodes / goals", "success": "success rate"}
+    for axis, (measure, label) in zip(axes, labels.items(), strict=True):
+        for place, (name, found) in enumerate(numbers["trained"].items()):
+            estimate, low, high = (_known(line) for line in found[measure])
+            colour = SERIES[place]
+            axis.plot(found["episodes"], estimate, color=colour, label=f"{name}, in training")
+            axis.fill_between(found["episodes"], low, high, color=colour, alpha=0.2, lw=0)
+        for name, found in numbers["controls"].items():
+            estimate, low, high = _known(found[measure])
+            colour = COLOURS.get(name, BLACK)
+            axis.axhline(estimate, color=colour, ls="--", label=name)
+            axis.axhspan(low, high, color=colour, alpha=0.15, lw=0)
+        axis.set_xlabel("training episodes")
+        axis.set_title(label, fontsize=9)
+        axis.grid(lw=0.4)
+        axis.set_xlim(left=0)
+    axes[0].set_ylim(bottom=0)
+    axes[0].legend(frameon=False)
+
+
+def _known(values: Sequence[float | None]) -> list[float]:
+    return [nan if x is None else x for x in values]
+
+
+def coverage_figure(numbers: Mapping[str, Any]) -> Figure:
+    """Joint states met in the course of the training, and how many the leaves could make."""
+    figure = Figure((5.0, 3.2), layout="constrained")
+    axis = figure.subplots()
+    for place, (name, found) in enumerate(numbers.items()):
+        estimate, low, high = (_known(line) for line in found["joint_states"])
+        axis.plot(found["episodes"], estimate, color=SERIES[place], label=name)
+        axis.fill_between(found["episodes"], low, high, color=SERIES[place], alpha=0.2, lw=0)
+        least, most = found["leaf_product"]
+        axis.axhspan(least, most * 1.02, color=SERIES[place], alpha=0.3, lw=0)
+    axis.set_xlim(left=0)
+    axis.set_ylim(bottom=0)
+    axis.set_xlabel("training episodes")
+    axis.set_title("joint states met; above: the product of the leaves", fontsize=9)
+    axis.grid(lw=0.4)
+    return figure
+
+
+def intervals_figure(rows: Sequence[Mapping[str, Any]], name: str, label: str) -> Figure:
+    """A ratio and its interval for each method, on a logarithmic axis; 1 is the control."""
+    figure = Figure((7.0, 0.27 * len(rows) + 0.9), layout="constrained")
+    axis = figure.subplots()
+    for place, row in enumerate(rows):
+        if row[name] is not None:
+            low, high = (row[name] if row[f"{name}_{end}"] is None else row[f"{name}_{end}"] for end in ("low", "high"))
+            axis.plot([low, high], [place, place], color=BLUE, lw=2)
+            axis.plot(row[name], place, "o", color=BLUE, ms=4)
+    axis.axvline(1.0, color=GREY, lw=0.8)
+    axis.set_xscale("log")
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    axis.set_yticks(range(len(rows)), [row["method"] for row in rows])
+    axis.set_ylim(len(rows) - 0.4, -0.6)
+    axis.grid(axis="x", lw=0.4)
+    axis.set_xlabel(label)
+    return figure
+
+
+def maps_figure(numbers: Mapping[str, Any]) -> Figure:
+    """Which behavior has the largest weight where the robot stands, and how large it is, for some headings."""
+    names, headings = numbers["behaviors"], numbers["headings_rad"]
+    x, y = numbers["x_m"], numbers["y_m"]
+    figure = Figure((9.5, 3.4), layout="constrained")
+    axes = figure.subplots(1, len(headings), sharey=True)
+    half = (x[1] - x[0]) / 2
+    for axis, heading, weights in zip(axes, headings, np.array(numbers["weights"]) / 100.0, strict=True):
+        axis.imshow(
+            _blended(weights), origin="lower", extent=(x[0] - half, x[-1] + half, y[0] - half, y[-1] + half),
+            interpolation="nearest",
+        )  # fmt: skip
+        axis.plot(*numbers["ball_m"], "o", color="white", mec=BLACK, ms=6)
+        length = 0.16
+        axis.annotate(
+            "", (-0.9 + length * cos(heading), length * sin(heading)), (-0.9, 0.0),
+            arrowprops={"arrowstyle": "->", "color": BLACK},
+        )  # fmt: skip
+        axis.set_title(f"robot heads {degrees(heading):.0f} deg", fontsize=9)
+        axis.set_xlabel("robot x [m]")
+    axes[0].set_ylabel("robot y [m]")
+    handles = [Patch(color=colour, label=name.replace("_", " ")) for name, colour in zip(names, SERIES, strict=False)]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(names), frameon=False)
+    return figure
+
+
+def _blended(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The colour of the heaviest behavior, the paler the nearer its weight is to 1/n, [rows, columns, rgb].
+
+    Args:
+        weights: [rows, columns, n].
+    """
+    n = weights.shape[2]
+    colours = np.array([to_rgb(colour) for colour in SERIES[:n]])
+    strength = np.clip((weights.max(axis=2) - 1.0 / n) / (1.0 - 1.0 / n), 0.0, 1.0)[:, :, None]
+    return 1.0 - strength * (1.0 - colours[weights.argmax(axis=2)])
+
+
+def scaling_figure(numbers: Mapping[str, Any]) -> Figure:
+    """Memory and learning with more and more behaviors."""
+    figure = Figure((9.5, 3.2), layout="constrained")
+    axes = figure.subplots(1, 3)
+    memory = numbers["memory"]
+    counts = [row["behaviors"] for row in memory]
+    told = {
+        "leaf_product": ("product of the leaves", VERMILLION, "s--"),
+        "features": ("features of fbql", BLUE, "o-"),
+        "joint_states": ("joint states met", GREEN, "^-"),
+    }
+    for name, (label, colour, marks) in told.items():
+        axes[0].plot(counts, [row[name] for row in memory], marks, color=colour, label=label, ms=4)
+    axes[0].set_yscale("log")
+    axes[0].set_xticks(counts)
+    axes[0].set_xlabel("behaviors")
+    axes[0].set_title("what could be and what was met", fontsize=9)
+    axes[0].grid(lw=0.4)
+    axes[0].legend(frameon=False)
+    _learning(axes[1:], numbers["learning"])
+    return figure
+
+
+FIGURES: dict[str, Callable[[Any], Figure]] = {
+    "paper": paper_figure,
+    "learning": learning_figure,
+    "coverage": coverage_figure,
+    "ladder": partial(intervals_figure, name="ratio_retuned", label="cost/goal to re-tuned Subsumption's"),
+    "ablation": partial(intervals_figure, name="ratio_default", label="cost/goal to the default's"),
+    "maps": maps_figure,
+    "scaling": scaling_figure,
+}
 """Name -> what draws it."""

@@ -66,9 +66,18 @@ def clustered_ratio(ours: Sums, clusters: Sequence[int], theirs: Sums | None = N
         ratios, estimate = _ratios(resamples.counts, ours), _ratios(whole, ours)
         if theirs is not None:
             ratios, estimate = ratios / _ratios(resamples.counts, theirs), estimate / _ratios(whole, theirs)
-    known = ratios[~np.isnan(ratios)]
-    low, high = np.percentile(known, [2.5, 97.5]) if len(known) else (np.nan, np.nan)
-    return Interval(float(estimate[0]), float(low), float(high))
+    low, high = _bounds(ratios)
+    return Interval(float(estimate[0]), low, high)
+
+
+def _bounds(values: npt.NDArray[np.float64]) -> tuple[float, float]:
+    """The 95 % interval of resampled values; those that are not known (0 / 0) are left out."""
+    known = values[~np.isnan(values)]
+    if not len(known):
+        return float("nan"), float("nan")
+    with np.errstate(invalid="ignore"):  # between infinite values
+        low, high = np.percentile(known, [2.5, 97.5])
+    return float(low), float(high)
 
 
 def _ratios(counts: npt.NDArray[np.float64], sums: Sums) -> npt.NDArray[np.float64]:
@@ -105,11 +114,21 @@ class Resamples:
             values: [runs, points]; NaN where a run has none, which then counts in nothing.
         """
         there = ~np.isnan(values)
-        known = np.where(there, values, 0.0)
+        return self.ratio_band(np.where(there, values, 0.0), there.astype(np.float64))
+
+    def ratio_band(
+        self, numerators: npt.NDArray[np.float64], denominators: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        """The ratio of sums over runs at each point, and its 95 % interval, [3, points]; NaN where nothing is known.
+
+        Args:
+            numerators: [runs, points].
+            denominators: [runs, points].
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
-            means = (self.counts @ known) / (self.counts @ there)
-        low, high = np.nanpercentile(means, [2.5, 97.5], axis=0)
-        return np.array([known.sum(axis=0) / there.sum(axis=0), low, high])
+            ratios = (self.counts @ numerators) / (self.counts @ denominators)
+            estimate = numerators.sum(axis=0) / denominators.sum(axis=0)
+        return np.vstack([estimate, np.array([_bounds(own) for own in ratios.T]).T])
 
 
 def mean_interval(values: Sequence[float]) -> Interval:

@@ -72,6 +72,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, default=20, metavar="N", help="run seeds of each tree set (20)")
     parser.add_argument("--trees", type=int, default=5, metavar="N", help="tree sets, each of other demonstrations (5)")
     parser.add_argument("--goals", type=int, default=50, metavar="N", help="goals after the guided episodes (50)")
+    add_max_steps(parser)
+
+
+def add_max_steps(parser: argparse.ArgumentParser) -> None:
+    """Adds the option of the simulator."""
     most = SimulationParameters().max_steps
     parser.add_argument(
         "--max-steps", type=int, default=most, metavar="N", help=f"steps after which an episode is truncated ({most})"

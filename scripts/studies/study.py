@@ -56,10 +56,12 @@ class Study(Protocol):
 
 
 STUDIES: dict[str, str] = {
+    "ablation": "studies.ablation",
     "ladder": "studies.ladder",
     "leaf_tuning": "studies.leaf_tuning",
     "paper": "studies.paper",
     "peers": "studies.peers",
+    "scaling": "studies.scaling",
     "trees": "studies.trees",
 }
 """Name of a study -> the module that is it."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 from fbql_behaviors.core.behavior import Behavior
+from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, Phase, WheelCommand, World
 from fbql_fusion.core.metrics import EpisodeRecord
 from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters
@@ -15,14 +17,74 @@ from fbql_fusion.core.session import Session, episode_seed
 from fbql_sim.core.scripted_law import law
 from fbql_sim.core.world_loop import WorldLoop
 from launcher.in_process import play
+from launcher.make_trees import make_tree
 
-from studies.paper import figures_of
-from studies.study import Result
+from studies.paper import BEHAVIORS, add_max_steps, figures_of
+from studies.study import Result, Row
 
+MOST_TREE_SETS = 9
+SEEDS_OF_A_TREE_SET = 100
 CURVE_EPISODES = 100
 """Training episodes of a point of the learning curve."""
 LEARNED = ("keys", "theta", "mean", "value")
 """What of a policy grows with what was visited."""
+
+
+class Seeds(NamedTuple):
+    """Which seeds a study uses: trainings and judging never share one, and no study the trees or seeds of another."""
+
+    first_tree: int
+    """Demonstration seed of the first tree set."""
+    first_run: int
+    """Run seed of the first training; those from SEEDS_OF_A_TREE_SET above it on judge."""
+
+    def tree(self, tree_set: int) -> int:
+        """The demonstration seed of a tree set."""
+        return self.first_tree + tree_set
+
+    def training(self, seed: int) -> int:
+        """The run seed of a training."""
+        return self.first_run + seed
+
+    def judging(self, tree_set: int, seed: int) -> int:
+        """The run seed of the frozen play of a tree set's training."""
+        return self.first_run + (tree_set + 1) * SEEDS_OF_A_TREE_SET + seed
+
+    def behaviors(self, tree_set: int) -> list[Behavior]:
+        """The behaviors of a tree set."""
+        return [Behavior(name, make_tree(name, self.tree(tree_set)).tree) for name in BEHAVIORS]
+
+    def row(self, method: str, tree_set: int, seed: int, figures: Result) -> Row:
+        """A run as it is kept."""
+        return {"method": method, "tree_seed": self.tree(tree_set), "seed": seed, **figures}
+
+
+def add_options(parser: ArgumentParser, trees: int, seeds: int, episodes: int, evaluate: int) -> None:
+    """Adds the options of a study that trains, with these defaults."""
+    parser.add_argument(
+        "--trees", type=int, default=trees, metavar="N", help=f"tree sets, each of other demonstrations ({trees})"
+    )
+    parser.add_argument("--seeds", type=int, default=seeds, metavar="N", help=f"trainings on each tree set ({seeds})")
+    parser.add_argument(
+        "--episodes",
+        type=int,
+        default=episodes,
+        metavar="N",
+        help=f"episodes of a training after the guided ones ({episodes})",
+    )
+    parser.add_argument(
+        "--evaluate", type=int, default=evaluate, metavar="N", help=f"episodes of frozen play ({evaluate})"
+    )
+    add_max_steps(parser)
+
+
+def check_options(options: Namespace) -> None:
+    """Raises BadInput for a number out of range."""
+    limits = {"trees": MOST_TREE_SETS, "seeds": SEEDS_OF_A_TREE_SET}
+    for name in ("trees", "seeds", "episodes", "evaluate", "max_steps"):
+        found, most = getattr(options, name), limits.get(name, 1_000_000)
+        if not 1 <= found <= most:
+            raise BadInput(f"--{name.replace('_', '-')} is {found}; it must be 1 to {most}")
 
 
 class Trained(NamedTuple):

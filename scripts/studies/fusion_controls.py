@@ -1,0 +1,47 @@
+"""What fusion that learns is held against: Subsumption, equal weights and the scripted law, on the same episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fbql_behaviors.core.behavior import Behavior
+from fbql_fusion.core.parameters import FusionParameters
+from fbql_sim.core.world_loop import WorldLoop
+
+from studies.paper import retuned
+from studies.study import Parameters, Result, Row, Task
+from studies.training import Seeds, frozen, law_played
+
+LAW, UNIFORM = "scripted law, sees all", "uniform weights"
+PAPER, TUNED, RETUNED = "subsumption, paper", "subsumption, tuned", "subsumption, re-tuned"
+METHODS = (LAW, PAPER, TUNED, RETUNED, UNIFORM)
+
+
+def control_tasks(seeds: Seeds, tree_sets: int, count: int, given: Parameters) -> list[Task]:
+    """A task for each tree set: its Subsumption is tuned once and judged on the episodes of every training."""
+    return [
+        Task(f"controls-trees{seeds.tree(k)}", {"part": "controls", "set": k, "seeds": count, **given})
+        for k in range(tree_sets)
+    ]
+
+
+def controls_played(seeds: Seeds, parameters: Parameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Result:
+    """Every control of a tree set on the episodes of each of its trainings."""
+    tree_set, episodes = parameters["set"], parameters["evaluate"]
+    wall_m, approach_rad = retuned(behaviors, loop)
+    controls = {
+        PAPER: FusionParameters(controller="subsumption", preset="paper"),
+        TUNED: FusionParameters(controller="subsumption", preset="tuned"),
+        RETUNED: FusionParameters(
+            controller="subsumption", wall_threshold_m=wall_m, approach_threshold_rad=approach_rad
+        ),
+        UNIFORM: FusionParameters(controller="uniform"),
+    }
+    runs: list[Row] = []
+    for seed in range(parameters["seeds"]):
+        judge = seeds.judging(tree_set, seed)
+        runs.append(seeds.row(LAW, tree_set, seed, law_played(loop, judge, episodes)))
+        for method, fusion in controls.items():
+            runs.append(seeds.row(method, tree_set, seed, frozen(fusion, behaviors, loop, judge, episodes)))
+    leaves = [behavior.tree.leaf_count for behavior in behaviors]
+    return {"runs": runs, "thresholds": [wall_m, approach_rad], "leaves": leaves}
