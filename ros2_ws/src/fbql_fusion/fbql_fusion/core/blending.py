@@ -7,7 +7,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from fbql_common.core.field import MAX_WHEEL_RAD_S
-from fbql_common.core.types import BehaviorOutput
+from fbql_common.core.types import BehaviorOutput, made_of
 
 SUM_TOLERANCE = 1e-9
 """Weights whose sum is this close to 1 are used as they are."""
@@ -36,7 +36,7 @@ def blend(weights: Sequence[float], outputs: Sequence[BehaviorOutput | None]) ->
     """
     if len(weights) == len(outputs):
         left = right = total = 0.0
-        for weight, output in zip(weights, outputs, strict=True):
+        for weight, output in zip(weights, outputs):  # noqa: B905 - as many as each other, or not here
             if output is None:
                 break
             left += weight * output.left_rad_s
@@ -45,7 +45,7 @@ def blend(weights: Sequence[float], outputs: Sequence[BehaviorOutput | None]) ->
         else:
             # False for a NaN too, so that bad weights take the long way.
             if -SUM_TOLERANCE < total - 1.0 < SUM_TOLERANCE:
-                return Blend(limited(left), limited(right), tuple(weights), False)
+                return made_of(Blend, (limited(left), limited(right), tuple(weights), False))
     used, rejected = live_weights(weights, [output is not None for output in outputs])
     left = right = 0.0
     for weight, output in zip(used, outputs, strict=True):

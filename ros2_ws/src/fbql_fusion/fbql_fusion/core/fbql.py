@@ -45,15 +45,15 @@ class Fbql(HeldDecisions):
         self._value = np.zeros(CAPACITY)
         self._mean = np.zeros((0, n))
         self._updates = self._averaged = 0
-        self._table: list[list[float]] = []
-        """Theta, or its mean where nothing is learned, as lists: a decision looks into a few rows only."""
+        self._table = self._theta
+        """Theta, or its mean where nothing is learned."""
 
     def _prepare(self, frozen: bool) -> None:
-        self._table = (self._mean if frozen and self._averaged else self._theta[: len(self)]).tolist()
+        self._table = self._mean if frozen and self._averaged else self._theta
 
     def _judge(self, active: Sequence[int]) -> Judgement:
         """Eq. 7."""
-        return eq.softmax(eq.preferences(self._table, active, self._behaviors)), ()
+        return eq.softmax(eq.preferences(self._table, active)), ()
 
     def _learn_waiting(self) -> None:
         """A batch begins with few episodes, since the first ones are long and there is most to be learned."""

@@ -16,16 +16,17 @@ Floats = NDArray[np.float64]
 _TINY = 1e-12
 
 
-def preferences(theta: Sequence[Sequence[float]], active: Sequence[int], behaviors: int) -> list[float]:
-    """sum_f theta_{f,i} over the active features f, length n. Features beyond the table are new and count 0."""
-    total = [0.0] * behaviors
+def preferences(theta: Floats, active: Sequence[int]) -> list[float]:
+    """sum_f theta_{f,i} over the active features f, length n. Features beyond the table are new and count 0.
+
+    Args:
+        theta: [features, n].
+        active: indices, at most F.
+    """
     known = len(theta)
-    for f in active:
-        if f < known:
-            row = theta[f]
-            for i in range(behaviors):
-                total[i] += row[i]
-    return total
+    if active and max(active) >= known:
+        active = [f for f in active if f < known]
+    return theta.take(active, axis=0).sum(axis=0).tolist() if active else [0.0] * theta.shape[1]
 
 
 def softmax(values: Sequence[float]) -> tuple[float, ...]:

@@ -12,7 +12,16 @@ from sys import maxsize
 
 import numpy as np
 from fbql_common.core.errors import BadInput
-from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Decision, Phase, WheelCommand, World
+from fbql_common.core.types import (
+    DRIVER_BLEND,
+    NO_LEAF,
+    BehaviorOutput,
+    Decision,
+    Phase,
+    WheelCommand,
+    World,
+    made_of,
+)
 
 from fbql_fusion.core.blending import blend
 from fbql_fusion.core.controllers import Learner, Subsumption, Transition
@@ -220,9 +229,8 @@ class Session:
         phase = self.phase
         terminated, truncated = world.terminated, world.truncated
         if step > 0 and self._learner is not None and self.parameters.learn and not self._degraded:
-            self._learner.learn(
-                Transition(self._joint_state, self._weights, self._driver, reward, joint_state, terminated, truncated)
-            )
+            values = (self._joint_state, self._weights, self._driver, reward, joint_state, terminated, truncated)
+            self._learner.learn(made_of(Transition, values))
 
         weights, driver, q = self._controller.select(world, joint_state, heard)
         if phase is Phase.GUIDED:
@@ -244,7 +252,7 @@ class Session:
         self._driver = driver
         self._digest.add(world, left, right)
         stamp_ns = world.stamp_ns
-        decision = Decision(
+        decided = (
             stamp_ns,
             episode,
             step,
@@ -260,18 +268,19 @@ class Session:
         )
         if terminated or truncated:
             self._close(world)
-        return WheelCommand(stamp_ns, episode, step, left, right), decision
+        command = made_of(WheelCommand, (stamp_ns, episode, step, left, right))
+        return command, made_of(Decision, decided)
 
     def _hear(
         self, outputs: Sequence[BehaviorOutput | None]
     ) -> tuple[JointState, Sequence[BehaviorOutput | None], bool]:
         """The joint state, the answers that can be acted on, and whether that is all of them."""
         leaves: list[int] = []
-        for output, tree in zip(outputs, self._trees, strict=True):
+        for output, tree in zip(outputs, self._trees):  # noqa: B905 - decide compares their numbers
             if output is not None:
-                _, _, _, _, left, right, leaf_id, leaf_count, tree_hash, _, _ = output
+                _, _, _, _, left, right, leaf_id, leaf_count, _, _, _ = output
                 if (
-                    (leaf_count, tree_hash) == tree
+                    output[7:9] == tree
                     and 0 <= leaf_id < leaf_count
                     and -_INF < left < _INF
                     and -_INF < right < _INF
