@@ -1,0 +1,306 @@
+"""Equations 7 to 12: numbers computed by hand, and slow literal oracles in plain Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import exp, log
+
+import numpy as np
+import pytest
+from fbql_fusion.core import policy_gradient as eq
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+numbers = st.floats(-20, 20)
+shares = st.floats(0, 1)
+
+
+def preference_lists(low: int = 1) -> st.SearchStrategy[list[float]]:
+    return st.lists(st.floats(-3, 3), min_size=low, max_size=5)
+
+
+def literal_softmax(h: Sequence[float]) -> list[float]:
+    return [exp(x) / sum(exp(y) for y in h) for x in h]
+
+
+def gradient(value: Callable[[list[float]], float], at: Sequence[float]) -> list[float]:
+    """By central differences."""
+    step = 1e-5
+    found: list[float] = []
+    for i in range(len(at)):
+        up, down = list(at), list(at)
+        up[i] += step
+        down[i] -= step
+        found.append((value(up) - value(down)) / (2 * step))
+    return found
+
+
+# Eq. 7
+
+
+def test_preferences_are_the_sums_over_the_active_features() -> None:
+    assert eq.preferences(np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]), [0, 2]) == [6.0, 8.0]
+
+
+def test_features_beyond_the_table_count_nothing_and_without_any_all_preferences_are_0() -> None:
+    assert eq.preferences(np.array([[1.0, 2.0]]), [0, 1, 99]) == [1.0, 2.0]
+    assert eq.preferences(np.zeros((0, 3)), [3]) == [0.0, 0.0, 0.0]
+    assert eq.preferences(np.ones((4, 3)), []) == [0.0, 0.0, 0.0]
+
+
+def test_weights_are_in_proportion_to_the_powers_of_the_preferences() -> None:
+    assert eq.softmax([0.0, log(3.0)]) == pytest.approx((0.25, 0.75), abs=1e-15)
+    assert eq.softmax([7.0]) == (1.0,)
+
+
+@given(preference_lists(), st.floats(-600, 600))
+def test_weights_sum_to_1_and_stay_when_all_preferences_shift(h: list[float], shift: float) -> None:
+    weights = eq.softmax(h)
+    assert weights == pytest.approx(literal_softmax(h), abs=1e-14)
+    assert sum(weights) == pytest.approx(1.0, abs=1e-14)
+    assert eq.softmax([x + shift for x in h]) == pytest.approx(weights, abs=1e-12)
+
+
+def test_preferences_far_apart_do_not_overflow() -> None:
+    assert eq.softmax([-1e4, 1e4]) == (0.0, 1.0)
+
+
+@given(st.integers(1, 4), st.integers(0, 5), st.integers(1, 6), st.integers(0, 1000))
+def test_the_weights_of_many_decisions_are_those_of_each(n: int, features: int, decisions: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    theta = rng.normal(size=(8, n))
+    active = rng.integers(0, 8, size=(decisions, features))
+    found = eq.weights_of(theta, active)
+    assert found.shape == (decisions, n)
+    for row, weights in zip(active.tolist(), found.tolist(), strict=True):
+        assert weights == pytest.approx(eq.softmax(eq.preferences(theta, row)), abs=1e-14)
+
+
+# Eqs. 9 and 10
+
+
+def test_advantage_is_the_surprise_and_a_fading_share_of_later_surprises() -> None:
+    # d_0 = 0 + 0.5 * 2 - 1 = 0 and d_1 = 10 + 0.5 * 4 - 2 = 10; A_1 = 10 and A_0 = 0 + 0.5 * 0.5 * 10.
+    found = eq.advantages(np.array([0.0, 10.0]), np.array([0.5, 0.5]), np.array([1.0, 2.0, 4.0]), 0.5)
+    assert found.tolist() == [2.5, 10.0]
+
+
+@st.composite
+def episodes(draw: st.DrawFn) -> tuple[list[float], list[float], list[float]]:
+    """R, gamma^k and V of an episode of 1 to 8 decisions."""
+    length = draw(st.integers(1, 8))
+    rewards = draw(st.lists(numbers, min_size=length, max_size=length))
+    discounts = draw(st.lists(shares, min_size=length, max_size=length))
+    return rewards, discounts, draw(st.lists(numbers, min_size=length + 1, max_size=length + 1))
+
+
+@given(episodes(), shares)
+def test_advantages_are_the_double_sum_of_their_definition(
+    episode: tuple[list[float], list[float], list[float]], trace: float
+) -> None:
+    rewards, discounts, values = episode
+    expected: list[float] = []
+    for t in range(len(rewards)):
+        total = 0.0
+        for later in range(t, len(rewards)):
+            share = 1.0
+            for between in range(t, later):
+                share *= discounts[between] * trace
+            total += share * (rewards[later] + discounts[later] * values[later + 1] - values[later])
+        expected.append(total)
+    found = eq.advantages(np.array(rewards), np.array(discounts), np.array(values), trace)
+    assert found.tolist() == pytest.approx(expected, abs=1e-9)
+
+
+@given(episodes())
+def test_with_lambda_1_advantage_and_value_are_the_discounted_return(
+    episode: tuple[list[float], list[float], list[float]],
+) -> None:
+    rewards, discounts, values = episode
+    later = values[-1]
+    returns: list[float] = []
+    for reward, discount in zip(reversed(rewards), reversed(discounts), strict=True):
+        later = reward + discount * later
+        returns.insert(0, later)
+    found = eq.advantages(np.array(rewards), np.array(discounts), np.array(values), 1.0) + values[:-1]
+    assert found.tolist() == pytest.approx(returns, abs=1e-9)
+
+
+def test_normalised_advantages_have_mean_0_and_deviation_1() -> None:
+    assert eq.normalised_advantages(np.array([1.0, 3.0])).tolist() == pytest.approx([-1.0, 1.0], abs=1e-7)
+
+
+@given(st.lists(numbers, min_size=1, max_size=9), st.floats(0.1, 9), numbers)
+def test_normalised_advantages_do_not_depend_on_the_unit_of_reward(
+    values: list[float], scale: float, shift: float
+) -> None:
+    assume(np.std(values) > 0.01)
+    once = eq.normalised_advantages(np.array(values))
+    assert eq.normalised_advantages(scale * np.array(values) + shift) == pytest.approx(once, abs=1e-4)
+
+
+def test_where_nothing_is_better_than_anything_else_no_advantage_is_left() -> None:
+    assert eq.normalised_advantages(np.full(3, 7.0)).tolist() == [0.0, 0.0, 0.0]
+
+
+# Eq. 8
+
+
+def test_guided_step_pulls_the_driver_up_by_what_it_lacks() -> None:
+    weights = np.array([[0.2, 0.8], [0.5, 0.5]])
+    assert eq.guided_step(weights, np.array([0, 1])) == pytest.approx(np.array([[0.8, -0.8], [-0.5, 0.5]]))
+    assert weights.tolist() == [[0.2, 0.8], [0.5, 0.5]], "the weights given stay as they are"
+
+
+@given(preference_lists(), st.data())
+def test_guided_step_is_the_gradient_of_the_log_of_the_drivers_weight(h: list[float], data: st.DataObject) -> None:
+    driver = data.draw(st.integers(0, len(h) - 1))
+    found = eq.guided_step(np.array([literal_softmax(h)]), np.array([driver]))
+    assert found[0].tolist() == pytest.approx(gradient(lambda x: log(literal_softmax(x)[driver]), h), abs=1e-7)
+
+
+# Eq. 11
+
+
+def test_a_drawn_behavior_with_an_advantage_gains_what_the_others_lose() -> None:
+    found = eq.clipped_step(np.array([[0.5, 0.5]]), np.array([0]), np.array([0.5]), np.array([2.0]), 0.4, 0.0)
+    assert found.tolist() == [[1.0, -1.0]]
+
+
+@pytest.mark.parametrize(
+    ("advantage", "weight", "expected"),
+    [
+        (1.0, 0.8, 0.0),  # rho = 1.6 > 1.4: far enough up
+        (-1.0, 0.8, -1.6 * 0.2),  # the wrong way: back
+        (-1.0, 0.2, 0.0),  # rho = 0.4 < 0.6: far enough down
+        (1.0, 0.2, 0.4 * 0.8),
+        (1.0, 0.65, 1.3 * 0.35),
+        (-1.0, 0.35, -0.7 * 0.65),
+    ],
+)
+def test_a_weight_that_went_far_enough_is_left_alone(advantage: float, weight: float, expected: float) -> None:
+    weights = np.array([[weight, 1.0 - weight]])
+    found = eq.clipped_step(weights, np.array([0]), np.array([0.5]), np.array([advantage]), 0.4, 0.0)
+    assert found[0].tolist() == pytest.approx([expected, -expected])
+
+
+@given(preference_lists(2), preference_lists(2), st.floats(-3, 3), st.floats(0.05, 0.9), st.floats(0.0, 0.5), st.data())
+def test_clipped_step_is_the_gradient_of_the_clipped_surrogate_and_the_entropy(
+    h: list[float], before: list[float], advantage: float, clip: float, entropy: float, data: st.DataObject
+) -> None:
+    n = min(len(h), len(before))
+    h, before = h[:n], before[:n]
+    drawn = data.draw(st.integers(0, n - 1))
+    chance = literal_softmax(before)[drawn]
+    rho = literal_softmax(h)[drawn] / chance
+    assume(min(abs(rho - 1 - clip), abs(rho - 1 + clip)) > 1e-3)  # there the surrogate has a corner
+
+    def objective(x: list[float]) -> float:
+        weights = literal_softmax(x)
+        ratio = weights[drawn] / chance
+        clipped = min(max(ratio, 1 - clip), 1 + clip)
+        return min(ratio * advantage, clipped * advantage) - entropy * sum(w * log(w) for w in weights)
+
+    found = eq.clipped_step(
+        np.array([literal_softmax(h)]), np.array([drawn]), np.array([chance]), np.array([advantage]), clip, entropy
+    )
+    expected = gradient(objective, h)
+    assert found[0].tolist() == pytest.approx(expected, abs=1e-5 * max(1.0, rho))
+
+
+def test_entropy_alone_pulls_the_weights_together() -> None:
+    found = eq.clipped_step(np.array([[0.9, 0.1]]), np.array([0]), np.array([0.9]), np.array([0.0]), 0.2, 0.1)
+    assert found[0, 0] < 0.0 < found[0, 1]
+    even = eq.clipped_step(np.array([[0.5, 0.5]]), np.array([0]), np.array([0.5]), np.array([0.0]), 0.2, 0.1)
+    assert even[0].tolist() == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+# How far the weights went
+
+
+def test_divergence_is_the_mean_of_rho_less_1_less_its_log() -> None:
+    weights = np.array([[0.5, 0.5], [0.2, 0.8]])
+    found = eq.divergence(weights, np.array([0, 1]), np.array([0.25, 0.8]))
+    assert found == pytest.approx((2.0 - 1.0 - log(2.0)) / 2.0)
+
+
+@given(st.lists(st.tuples(st.floats(0.001, 1), st.floats(0.001, 1)), min_size=1, max_size=9))
+def test_divergence_is_never_below_0_and_0_where_nothing_changed(pairs: list[tuple[float, float]]) -> None:
+    now, then = np.array(pairs).T
+    weights = np.stack([now, 1.0 - now], axis=1)
+    drawn = np.zeros(len(pairs), dtype=np.int64)
+    assert eq.divergence(weights, drawn, then) >= -1e-9
+    assert eq.divergence(weights, drawn, now) == pytest.approx(0.0, abs=1e-9)
+
+
+# Eqs. 11 and 12: the assignment
+
+
+def test_each_active_feature_takes_its_share_of_the_step() -> None:
+    table = np.zeros((3, 2))
+    eq.add_shared(table, np.array([[0, 2]]), np.array([[4.0, -2.0]]), 0.5)
+    assert table.tolist() == [[1.0, -0.5], [0.0, 0.0], [1.0, -0.5]]
+
+
+def test_a_feature_of_several_decisions_takes_a_share_of_each() -> None:
+    table = np.zeros(3)
+    eq.add_shared(table, np.array([[0, 1], [1, 2]]), np.array([4.0, 8.0]), 0.5)
+    assert table.tolist() == [1.0, 3.0, 2.0]
+
+
+@st.composite
+def minibatches(draw: st.DrawFn, highest_rate: float = 3.0) -> tuple[np.ndarray, float]:
+    """Active features of some decisions, none twice in one, and a rate."""
+    features = draw(st.integers(1, 4))
+    row = st.lists(st.integers(0, 7), min_size=features, max_size=features, unique=True)
+    return np.array(draw(st.lists(row, min_size=1, max_size=12))), draw(st.floats(0.01, highest_rate))
+
+
+@given(minibatches(), st.integers(1, 3), st.integers(0, 1000))
+def test_the_assignment_is_the_literal_loop(minibatch: tuple[np.ndarray, float], n: int, seed: int) -> None:
+    active, rate = minibatch
+    steps = np.random.default_rng(seed).normal(size=(len(active), n))
+    rows: list[list[int]] = active.tolist()
+    expected = [[0.0] * n for _ in range(8)]
+    for row, step in zip(rows, steps.tolist(), strict=True):
+        shared = sum(rate / len(row) for f in row for other in rows for g in other if f == g)
+        for f in row:
+            for i in range(n):
+                expected[f][i] += rate / len(row) * step[i] / max(1.0, shared)
+    table, column = np.zeros((8, n)), np.zeros(8)
+    eq.add_shared(table, active, steps, rate)
+    eq.add_shared(column, active, steps[:, 0], rate)
+    assert table == pytest.approx(np.array(expected), abs=1e-12)
+    assert column == pytest.approx(table[:, 0], abs=1e-12)
+
+
+@given(minibatches(), st.integers(0, 1000))
+def test_no_minibatch_makes_values_diverge(minibatch: tuple[np.ndarray, float], seed: int) -> None:
+    """What is left to learn shrinks, at any rate, however many features the decisions share."""
+    active, rate = minibatch
+    target = np.random.default_rng(seed).normal(size=8)[active].sum(axis=1)
+    shared = [sum(rate / len(row) for f in row for other in active for g in other if f == g) for row in active]
+    scale = np.maximum(shared, 1.0)
+    value = np.zeros(8)
+    before = (target**2 / scale).sum()
+    for _ in range(20):
+        surprise = target - value[active].sum(axis=1)
+        left = (surprise**2 / scale).sum()
+        assert left <= before + 1e-9
+        before = left
+        eq.add_shared(value, active, surprise, rate)
+
+
+@pytest.mark.parametrize("decisions", [1, 10, 128, 5000])
+def test_a_robot_that_stands_still_reaches_its_value_and_does_not_overshoot(decisions: int) -> None:
+    """In a deadlock every decision has the same features: at a rate of 0.1, 128 of them would move V 12.8 times too far."""
+    active = np.tile(np.arange(6), (decisions, 1))
+    value = np.zeros(6)
+    eq.add_shared(value, active, np.full(decisions, 10.0), 0.1)
+    assert value.sum() == pytest.approx(10.0 * min(1.0, 0.1 * decisions))
+
+
+def test_without_features_there_is_nothing_to_assign() -> None:
+    table = np.ones((2, 2))
+    eq.add_shared(table, np.zeros((3, 0), dtype=np.int64), np.ones((3, 2)), 0.1)
+    assert table.tolist() == [[1.0, 1.0], [1.0, 1.0]]
