@@ -59,6 +59,7 @@ STUDIES: dict[str, str] = {
     "ablation": "studies.ablation",
     "ladder": "studies.ladder",
     "leaf_tuning": "studies.leaf_tuning",
+    "objectives": "studies.objectives",
     "paper": "studies.paper",
     "peers": "studies.peers",
     "scaling": "studies.scaling",
