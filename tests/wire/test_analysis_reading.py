@@ -320,6 +320,17 @@ def test_a_file_that_was_cut_off_is_used_up_to_its_last_whole_chunk(run):
     assert len(steps) == math.ceil(messages / 6)
 
 
+@pytest.mark.parametrize(("opcode", "what"), [(Opcode.SCHEMA, "schema"), (Opcode.CHANNEL, "channel")])
+def test_what_is_described_twice_and_differently_is_damage(tmp_path, opcode, what):
+    """A killed recorder leaves no CRC over these: the second gets the number of the first."""
+    run = record_match(tmp_path / "run", max_steps=6, episodes=1, close=False)
+    path = next(run.glob("*.active"))
+    begin, _ = place_of(path.read_bytes(), opcode, 1)
+    spoil(path, begin + 9, b"\x01\x00")
+    with pytest.raises(Corrupt, match=f"{what} 1 is described twice, and differently"):
+        open_run(run)
+
+
 def test_what_a_killed_recorder_leaves_is_read(tmp_path):
     run = open_run(record_match(tmp_path / "run", close=False))
     assert read_all(run) == 2 * 61

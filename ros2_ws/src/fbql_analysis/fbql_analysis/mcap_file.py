@@ -13,11 +13,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from struct import Struct
 from typing import BinaryIO, NamedTuple
 
-import lz4.frame
-import zstandard
 from fbql_common.core.errors import BadInput
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -25,15 +22,9 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Footer, Metadata, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
-MAX_RECORD_BYTES = 64 * 2**20
-"""Largest record, and largest unpacked chunk, that is read."""
-_HEAD = Struct("<BQ")
-"""opcode, length"""
-_CHUNK = Struct("<QQQII")
-"""start, end, unpacked size, CRC of the unpacked records, length of the compression's name"""
-_MESSAGE = Struct("<HIQQ")
-"""channel id, sequence, log time, publish time"""
-_FOOTER_BYTES = _HEAD.size + 20 + len(MCAP0_MAGIC)
+from fbql_analysis.mcap_format import CODECS, HEAD, MAX_RECORD_BYTES, MESSAGE, PROFILES, chunk_head, unpacked
+
+_FOOTER_BYTES = HEAD.size + 20 + len(MCAP0_MAGIC)
 _NO_RECORD = (McapError, struct.error, UnicodeDecodeError, ValueError, OverflowError, EOFError)
 """What the mcap package raises for bytes that are no such record."""
 
@@ -132,7 +123,6 @@ class McapFile:
         """Whether the file has its end."""
         self._skip_corrupt = skip_corrupt
         self._schemas: dict[int, Schema] = {}
-        self._zstd = zstandard.ZstdDecompressor()
         self._check_file()
         with self._open() as file:
             self._check_ends(file)
@@ -187,10 +177,10 @@ class McapFile:
         footer_at = self.size - _FOOTER_BYTES
         file.seek(footer_at)
         tail = file.read(_FOOTER_BYTES)
-        opcode, length = _HEAD.unpack_from(tail)
+        opcode, length = HEAD.unpack_from(tail)
         if opcode != Opcode.FOOTER or length != 20:
             return self._complain(footer_at, "its footer is damaged")
-        footer = Footer.read(ReadDataStream(BytesIO(tail[_HEAD.size :])))
+        footer = Footer.read(ReadDataStream(BytesIO(tail[HEAD.size :])))
         if footer.summary_start == 0:
             return False
         if not len(MCAP0_MAGIC) <= footer.summary_start <= footer_at:
@@ -206,15 +196,15 @@ class McapFile:
         at = 0
         try:
             while at < len(summary):
-                opcode, length = _HEAD.unpack_from(summary, at)
-                body = summary[at + _HEAD.size : at + _HEAD.size + length]
+                opcode, length = HEAD.unpack_from(summary, at)
+                body = summary[at + HEAD.size : at + HEAD.size + length]
                 if opcode in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
                     places.append(struct.unpack_from("<QQ", body))
                 elif opcode == Opcode.STATISTICS:
                     statistics = Statistics.read(ReadDataStream(BytesIO(body)))
                 else:
                     self._take(opcode, body, footer.summary_start + at)
-                at += _HEAD.size + length
+                at += HEAD.size + length
         except _NO_RECORD:
             return self._complain(footer.summary_start + at, "its summary is damaged")
         if statistics is None or (statistics.message_count and not self.topics):
@@ -233,10 +223,10 @@ class McapFile:
             raise self._too_large(offset, length)
         file.seek(offset)
         data = file.read(length)
-        if len(data) < max(length, _HEAD.size) or _HEAD.unpack_from(data)[1] != length - _HEAD.size:
+        if len(data) < max(length, HEAD.size) or HEAD.unpack_from(data)[1] != length - HEAD.size:
             self._complain(offset, "a record that the summary points at is not there")
         else:
-            self._take(data[0], data[_HEAD.size :], offset)
+            self._take(data[0], data[HEAD.size :], offset)
 
     def _read_all(self, file: BinaryIO) -> None:
         """What the summary would have said, from the messages themselves."""
@@ -262,10 +252,10 @@ class McapFile:
         at = len(MCAP0_MAGIC)
         number = 0
         while True:
-            head = file.read(_HEAD.size)
-            opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, 0)
-            rest = self.size - at - _HEAD.size
-            if length > rest or len(head) < _HEAD.size:
+            head = file.read(HEAD.size)
+            opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
+            rest = self.size - at - HEAD.size
+            if length > rest or len(head) < HEAD.size:
                 self._end_at(at, length)
                 return
             if length > MAX_RECORD_BYTES:
@@ -284,12 +274,12 @@ class McapFile:
                 number += 1
                 yield from self._chunk(body, at, number, window)
             elif opcode == Opcode.MESSAGE:
-                yield from self._messages(_HEAD.pack(opcode, length) + body, at, window)
+                yield from self._messages(HEAD.pack(opcode, length) + body, at, window)
             else:
                 self._take(opcode, body, at)
                 if mark is not None and at in self.metadata:
                     mark(*self.metadata[at])
-            at += _HEAD.size + length
+            at += HEAD.size + length
 
     def _check_data_end(self, body: bytes, crc: int, at: int) -> None:
         recorded = int.from_bytes(body, "little")
@@ -314,7 +304,8 @@ class McapFile:
                 self._check_profile(body)
             elif opcode == Opcode.SCHEMA:
                 schema = Schema.read(stream)
-                self._schemas[schema.id] = schema
+                if self._schemas.setdefault(schema.id, schema) != schema:
+                    self._complain(at, f"schema {schema.id} is described twice, and differently")
             elif opcode == Opcode.CHANNEL:
                 self._take_channel(Channel.read(stream), at)
             elif opcode == Opcode.ATTACHMENT:
@@ -330,7 +321,7 @@ class McapFile:
     def _check_profile(self, body: bytes) -> None:
         (length,) = struct.unpack_from("<I", body)
         profile = body[4 : 4 + length].decode()
-        if profile not in ("ros2", ""):
+        if profile not in PROFILES:
             raise BadInput(f"{self.path}: its profile is '{profile}'; recordings of ROS 2 have 'ros2'")
 
     def _take_channel(self, channel: Channel, at: int) -> None:
@@ -338,7 +329,7 @@ class McapFile:
         if schema is None and channel.schema_id != 0:
             self._complain(at, f"topic {channel.topic} has no schema")
             return
-        self.topics[channel.id] = Topic(
+        topic = Topic(
             channel.topic,
             "" if schema is None else schema.name,
             "" if schema is None else schema.data.decode(),
@@ -346,6 +337,8 @@ class McapFile:
             channel.message_encoding,
             "" if schema is None else schema.encoding,
         )
+        if self.topics.setdefault(channel.id, topic) != topic:
+            self._complain(at, f"channel {channel.id} is described twice, and differently")
 
     def _take_attachment(self, body: bytes, at: int) -> None:
         record = Attachment.read(ReadDataStream(BytesIO(body)))
@@ -358,10 +351,7 @@ class McapFile:
     def _chunk(self, body: bytes, at: int, number: int, window: Window) -> Iterator[Message]:
         where = f"chunk {number} (at byte {at})"
         try:
-            start_ns, end_ns, size, crc, name_length = _CHUNK.unpack_from(body)
-            name = body[_CHUNK.size : _CHUNK.size + name_length].decode()
-            begin = _CHUNK.size + name_length + 8
-            (packed_size,) = struct.unpack_from("<Q", body, begin - 8)
+            start_ns, end_ns, size, crc, name, begin, packed_size = chunk_head(body)
         except (struct.error, UnicodeDecodeError):
             self._lose_chunk(at, f"{where} is damaged: its head is no such")
             return
@@ -369,7 +359,7 @@ class McapFile:
         if packed_size != len(body) - begin:
             self._lose_chunk(at, f"{where} is damaged: its sizes do not fit")
             return
-        if name not in ("", "zstd", "lz4"):
+        if name not in CODECS:
             raise BadInput(f"{self.path}: {where} is compressed by '{name}'; known are zstd, lz4 and none")
         if size > MAX_RECORD_BYTES:
             raise BadInput(
@@ -381,8 +371,8 @@ class McapFile:
             return
         packed = body[begin:]
         try:
-            data = self._unpacked(name, packed, size)
-        except (zstandard.ZstdError, RuntimeError, ValueError, EOFError):
+            data = unpacked(name, packed, size)
+        except ValueError:
             self._lose_chunk(at, f"{where} is damaged: it can't be unpacked")
             return
         if len(data) != size:
@@ -392,22 +382,12 @@ class McapFile:
         else:
             yield from self._messages(data, at, window)
 
-    def _unpacked(self, name: str, packed: bytes, size: int) -> bytes:
-        """The records of a chunk; never more than a byte beyond the size that it promises."""
-        if name == "zstd":
-            # The frame's own size is not believed: a small chunk may promise terabytes.
-            with self._zstd.stream_reader(packed) as reader:
-                return reader.read(size + 1)
-        if name == "lz4":
-            return lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1)
-        return packed
-
     def _messages(self, data: bytes, at: int, window: Window) -> Iterator[Message]:
         """The messages among the records of a chunk."""
         topics, start_ns, end_ns = window.topics, window.start_ns, window.end_ns
         offset, end = 0, len(data)
-        head, unpack, message_op = _HEAD.unpack_from, _MESSAGE.unpack_from, int(Opcode.MESSAGE)
-        begin = _HEAD.size + _MESSAGE.size
+        head, unpack, message_op = HEAD.unpack_from, MESSAGE.unpack_from, int(Opcode.MESSAGE)
+        begin = HEAD.size + MESSAGE.size
         known: dict[int, tuple[str, str, bool]] = {}
         while offset < end:
             try:
