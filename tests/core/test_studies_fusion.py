@@ -1,0 +1,360 @@
+"""The studies of fusion that learns: which seeds do what, that tasks repeat, and that tables say what was counted."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import signal
+from collections.abc import Iterator
+from itertools import pairwise
+from math import inf
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.storage import load_tree
+from fbql_common.core.errors import BadInput
+from fbql_fusion.core.parameters import FusionParameters
+from fbql_sim.core.parameters import SimulationParameters
+from fbql_sim.core.world_loop import WorldLoop
+from launcher.experiment import main
+from launcher.make_trees import SHIPPED
+from studies import ablation, fusion_controls, ladder, paper, scaling
+from studies.comparison import cost_ratio, method_row, runs_by_method
+from studies.learning_curves import growth, learning
+from studies.paper import after_guidance
+from studies.peers import evaluation_seed_of
+from studies.study import MEASURED, Result, Task
+from studies.training import MOST_TREE_SETS, SEEDS_OF_A_TREE_SET, Seeds, frozen, law_played, size_of, train, training_of
+from studies.weight_maps import weight_maps
+
+STUDIES = (ladder, ablation, scaling, paper)
+TRAINING = (ladder, ablation, scaling)
+MAX_STEPS = 120
+SMALL = ("--trees", "1", "--seeds", "1", "--max-steps", str(MAX_STEPS))
+TINY = (*SMALL, "--episodes", "6", "--evaluate", "2")
+
+
+def tasks(study: ModuleType, *arguments: str) -> list[Task]:
+    parser = argparse.ArgumentParser()
+    study.add_options(parser)
+    return study.tasks(parser.parse_args(list(arguments)))
+
+
+def shipped() -> list[Behavior]:
+    return [Behavior(name, load_tree(SHIPPED / f"{name}.json")) for name in paper.BEHAVIORS]
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The trees that ship, and the shortest tuning there is."""
+    monkeypatch.setattr(Seeds, "behaviors", lambda _seeds, _set: shipped())
+    monkeypatch.setattr(paper, "WALL_M", (0.07,))
+    monkeypatch.setattr(paper, "APPROACH_RAD", (0.15,))
+    monkeypatch.setattr(paper, "TUNING_EPISODES", 1)
+    yield
+
+
+@pytest.fixture(scope="module")
+def loop() -> WorldLoop:
+    return WorldLoop(SimulationParameters(max_steps=MAX_STEPS))
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_tasks_are_plain_and_their_keys_are_unique_file_names(study: ModuleType) -> None:
+    found = tasks(study, "--trees", "3", "--seeds", "9")
+    assert len({task.key for task in found}) == len(found)
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+", task.key) for task in found)
+    assert json.loads(json.dumps([task.parameters for task in found])) == [task.parameters for task in found]
+
+
+@pytest.mark.parametrize("study", TRAINING)
+def test_numbers_out_of_range_are_refused(study: ModuleType) -> None:
+    for option in ("--trees", "--seeds", "--episodes", "--evaluate", "--max-steps"):
+        with pytest.raises(BadInput, match=f"^{option} is 0; it must be 1 to"):
+            tasks(study, option, "0")
+
+
+def test_no_study_shares_a_seed_or_a_tree_with_another_and_none_judges_what_it_trained_or_tuned_on() -> None:
+    seeds, trees = set(range(paper.FIRST_RUN_SEED)), set[int]()
+    for study in TRAINING:
+        training = {study.SEEDS.training(k) for k in range(SEEDS_OF_A_TREE_SET)}
+        judging = {study.SEEDS.judging(k, j) for k in range(MOST_TREE_SETS) for j in range(SEEDS_OF_A_TREE_SET)}
+        sets = {study.SEEDS.tree(k) for k in range(MOST_TREE_SETS)}
+        assert len(judging) == MOST_TREE_SETS * SEEDS_OF_A_TREE_SET
+        for used in (training, judging):
+            assert not used & seeds
+            seeds |= used
+        assert not sets & trees
+        trees |= sets
+    assert paper.TUNING_SEED < paper.FIRST_RUN_SEED
+
+
+def test_the_ladder_judges_on_the_episodes_of_the_peers() -> None:
+    assert ladder.SEEDS.judging(2, 3) == evaluation_seed_of(2, 3)
+
+
+def test_a_training_is_counted_whole_and_its_course_in_pieces(loop: WorldLoop, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("studies.training.CURVE_EPISODES", 4)
+    trained = train(training_of(5, 10), shipped(), loop)
+    assert [part["episodes"] for part in trained.curve] == [4, 4, 2]
+    assert all(part["goals"] + part["own_goals"] + part["timeouts"] == part["episodes"] for part in trained.curve)
+    met = [part["joint_states"] for part in trained.curve]
+    assert met == sorted(met)
+    assert 0 < met[0] < met[-1] == trained.size["joint_states"] < trained.size["leaf_product"]
+    assert trained.size["features"] == len(trained.policy.arrays["theta"])
+    assert trained.size["bytes"] > 8 * trained.size["features"] * 3
+
+
+def test_what_was_only_guided_followed_the_guide_and_learned_nothing_more(loop: WorldLoop) -> None:
+    policy = after_guidance(training_of(5, 10), shipped(), loop)
+    assert np.abs(policy.arrays["theta"]).max() > 0.0
+    assert policy.arrays["counts"].tolist() == [0, 0, 0]
+    assert size_of(policy)["features"] > 100
+
+
+def test_frozen_play_meets_the_same_episodes_whatever_plays_and_repeats(loop: WorldLoop) -> None:
+    fusion = training_of(5, 10)
+    trained = train(fusion, shipped(), loop)
+    once = frozen(fusion, shipped(), loop, 77, 5, trained.policy)
+    assert frozen(fusion, shipped(), loop, 77, 5, trained.policy) == once
+    assert frozen(fusion, shipped(), loop, 77, 5) != once, "it is not what was learned that plays"
+    assert once["episodes"] == 5
+
+
+def test_the_law_plays_the_episodes_of_the_run_seed() -> None:
+    pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
+    from peers.play import score_of_law
+
+    found = law_played(WorldLoop(), 77, 3)
+    assert score_of_law(77, 3)._asdict() == {name: found[name] for name in score_of_law(77, 3)._fields}
+    assert found["goals"] == 3
+    assert found["steps"] == found["steps_to_goals"]
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("study", [ladder, ablation])
+def test_a_task_gives_the_same_result_again_and_the_table_has_every_method(study: ModuleType, tmp_path: Path) -> None:
+    found = [task for task in tasks(study, *TINY) if task.parameters["part"] in ("fbql", "controls")]
+    results: dict[str, Result] = {}
+    for task in found:
+        result = study.run(task.parameters)
+        assert json.loads(json.dumps(result, allow_nan=False)) == result
+        assert {**study.run(task.parameters), MEASURED: 0} == {**result, MEASURED: 0}
+        results[task.key] = result
+    rows = study.table(results)
+    json.dumps(rows, allow_nan=False)
+    told = [row["method"] for row in rows if "method" in row]
+    expected = ladder.METHODS if study is ladder else (*fusion_controls.METHODS, "fbql, never learned", "fbql")
+    assert [method for method in told if method in expected] == list(expected)
+    assert {row["episodes"] for row in rows if "method" in row} == {2}
+    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
+    for file in study.figures(results, tmp_path):
+        assert file.stat().st_size < 100_000
+        assert file.suffix == ".json" or file.read_text().startswith("<?xml")
+
+
+@pytest.mark.usefixtures("short")
+def test_more_behaviors_train_and_play_and_keep_only_what_they_met(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        scaling, "make_tree", lambda name, _seed: argparse.Namespace(tree=load_tree(SHIPPED / f"{name}.json"))
+    )
+    results = {task.key: scaling.run(task.parameters) for task in tasks(scaling, *TINY)}
+    rows = scaling.table(results)
+    assert [row["behaviors"] for row in rows] == list(scaling.COUNTS)
+    products = [row["leaf_product"] for row in rows]
+    assert products == sorted(products)
+    for row in rows:
+        assert row["joint_states"] < row["leaf_product"]
+        assert row["table_bytes"] == row["leaf_product"] * row["behaviors"] * 16
+    assert rows[-1]["bytes"] < 1e-6 * rows[-1]["table_bytes"]
+    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
+    assert [file.name for file in scaling.figures(results, tmp_path)] == ["curves.json", "fusion_scaling.svg"]
+
+
+def test_each_number_of_behaviors_adds_to_the_smaller_one() -> None:
+    names = [scaling.names_of(n) for n in scaling.COUNTS]
+    assert [len(set(each)) for each in names] == list(scaling.COUNTS)
+    assert all(more[: len(fewer)] == fewer for fewer, more in pairwise(names))
+
+
+def test_every_variant_changes_a_parameter_and_each_is_tried_once() -> None:
+    default = FusionParameters()
+    trained, played = ablation.trained_variants(), ablation.played_variants()
+    assert not set(trained) & set(played)
+    for changes in (*trained.values(), *played.values()):
+        assert any(getattr(default, name) != value for name, value in changes.items())
+    assert len({str(sorted(changes.items())) for changes in (*trained.values(), *played.values())}) == len(
+        trained
+    ) + len(played)
+    assert all(name in ("fbql_play", "fbql_patience", "fbql_hold_steps") for each in played.values() for name in each)
+
+
+@pytest.mark.parametrize("name", ablation.trained_variants())
+def test_every_variant_can_be_trained_and_played(name: str, loop: WorldLoop) -> None:
+    fusion = training_of(5, 3, **ablation.trained_variants()[name])
+    trained = train(fusion, shipped(), loop)
+    assert frozen(fusion, shipped(), loop, 77, 1, trained.policy)["episodes"] == 1
+
+
+@pytest.mark.usefixtures("short")
+def test_the_papers_protocol_tells_rung_a_ties_and_courses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        paper, "make_tree", lambda name, _seed: argparse.Namespace(tree=load_tree(SHIPPED / f"{name}.json"))
+    )
+    monkeypatch.setattr(paper, "MOST_EPISODES", 3)
+    monkeypatch.setattr(paper, "GUIDED_EPISODES", 3)
+    (task,) = tasks(paper, *SMALL, "--goals", "1")
+    result = paper.run({**task.parameters, "max_steps": 600})
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
+    rows = paper.table({"a": result})
+    json.dumps(rows, allow_nan=False)
+    methods = {row["method"]: row for row in rows if "method" in row}
+    assert list(methods) == list(paper.METHODS)
+    assert len({tuple(row) for row in methods.values()}) == 1
+    assert methods["fbql literal, ties: none"]["tied_share"] > 0.9
+    assert methods["fbql"]["tied_share"] is None
+    assert {row["rung"] for row in rows if "rung" in row} == {"a, fbql", "a, fbql, paper's guide"}
+    for run in result["runs"]:
+        assert len(run["course"]) == run["episodes"]
+        assert sum(steps for _, steps, _, _ in run["course"]) == run["steps"]
+    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
+    assert [file.name for file in paper.figures({"a": result}, tmp_path)] == ["curves.json", "fusion_paper.svg"]
+
+
+def row(method: str, tree_seed: int, seed: int, steps: int, **figures: int) -> dict[str, Any]:
+    counted = {"goals": 100, "own_goals": 0, "timeouts": 0, "episodes": 100, "collisions_begun": 100}
+    counted |= {"collision_steps": 500, "steps_to_goals": steps, **figures}
+    return {"method": method, "tree_seed": tree_seed, "seed": seed, "steps": steps, **counted}
+
+
+def ladder_of(fbql: dict[int, int], **figures: int) -> dict[str, Result]:
+    """Results of a ladder with two seeds on each tree set: re-tuned costs 1000, the law 300, FBQL what is given."""
+    results: dict[str, Result] = {}
+    for tree, cost in fbql.items():
+        controls = [
+            row(method, tree, seed, 100 * each)
+            for method, each in ((fusion_controls.LAW, 300), (fusion_controls.RETUNED, 1000))
+            for seed in range(2)
+        ]
+        results[f"controls{tree}"] = {"runs": controls, "thresholds": [0.07, 0.1], "leaves": [100, 10, 30]}
+        runs = [row("fbql", tree, seed, 100 * cost, **figures) for seed in range(2)]
+        results[f"fbql{tree}"] = {"runs": runs}
+    return results
+
+
+def rungs(results: dict[str, Result]) -> dict[str, tuple[float, bool]]:
+    return {each["measure"]: (each["found"], each["reached"]) for each in ladder.table(results) if "rung" in each}
+
+
+def test_rungs_b_and_c_are_reached_where_every_measure_is() -> None:
+    found = rungs(ladder_of({1001: 500, 1002: 700}))
+    assert found["cost/goal to re-tuned"] == (pytest.approx(0.6), True)
+    assert found["cost/goal to re-tuned, worst tree set"] == (pytest.approx(0.7), True)
+    assert found["steps of a success to the scripted law's"] == (pytest.approx(2.0), True)
+    assert all(reached for _, reached in found.values())
+
+
+@pytest.mark.parametrize(
+    ("costs", "figures", "missed"),
+    [
+        ({1001: 700, 1002: 700}, {}, {"cost/goal to re-tuned", "steps of a success to the scripted law's"}),
+        ({1001: 100, 1002: 1010}, {}, {"cost/goal to re-tuned, worst tree set"}),
+        ({1001: 500}, {"own_goals": 1}, {"own goals / episodes"}),
+        ({1001: 500}, {"collisions_begun": 101}, {"collisions begun / goals, at most re-tuned's"}),
+        ({1001: 500}, {"collision_steps": 501}, {"collision steps / goals, at most re-tuned's"}),
+        ({1001: 500}, {"episodes": 103}, {"success rate"}),
+    ],
+)
+def test_a_rung_is_missed_where_one_measure_is(
+    costs: dict[int, int], figures: dict[str, int], missed: set[str]
+) -> None:
+    found = rungs(ladder_of(costs, **figures))
+    assert {measure for measure, (_, reached) in found.items() if not reached} == missed
+
+
+def test_a_method_is_paired_with_its_control_run_by_run() -> None:
+    found = [row("a", 1, 0, 500), row("a", 1, 1, 700), row("b", 1, 0, 1000), row("b", 1, 1, 1000), row("b", 2, 0, 9000)]
+    by_method = runs_by_method(found, ("b", "a"))
+    assert list(by_method) == ["b", "a"]
+    assert cost_ratio(by_method["a"], by_method["b"]).estimate == pytest.approx(0.6)
+    told = method_row("a", by_method, {"b": "b", "gone": "c"})
+    assert (told["ratio_b"], told["ratio_gone"], told["p_gone"]) == (pytest.approx(0.6), None, None)
+    assert told["ratio_b_low"] <= told["ratio_b"] <= told["ratio_b_high"]
+
+
+def test_a_control_without_a_goal_gives_no_ratio_and_a_method_without_one_has_no_cost() -> None:
+    none = row("none", 1, 0, 4000, goals=0, timeouts=100, steps_to_goals=0)
+    by_method = runs_by_method([none, row("a", 1, 0, 500)], ("none", "a"))
+    assert method_row("a", by_method, {"c": "none"})["ratio_c"] is None
+    told = method_row("none", by_method, {"c": "a"})
+    assert (told["cost_per_goal"], told["ratio_c"], told["success_rate"]) == (None, None, 0.0)
+    assert cost_ratio(by_method["none"], by_method["a"]).estimate == inf
+
+
+def test_learning_curves_are_sums_over_runs_and_leave_out_what_has_no_goal() -> None:
+    curve = [
+        {"episodes": 100, "goals": 0, "steps": 400, "joint_states": 10},
+        {"episodes": 50, "goals": 50, "steps": 100, "joint_states": 30},
+    ]
+    runs = {(1, seed): {"curve": curve, "size": {"leaf_product": 99}} for seed in range(3)}
+    found = learning({"fbql": runs}, {})["trained"]["fbql"]
+    assert found["episodes"] == [100, 150]
+    assert found["cost"] == [[None, 2.0]] * 3
+    assert found["success"] == [[0.0, 1.0]] * 3
+    assert growth({"fbql": runs})["fbql"]["joint_states"] == [[10.0, 30.0]] * 3
+
+
+def test_weight_maps_hold_the_weights_of_every_place_and_of_nothing_learned_equal_ones(loop: WorldLoop) -> None:
+    fusion = training_of(5, 6)
+    trained = train(fusion, shipped(), loop)
+    maps = weight_maps(fusion, trained.policy, shipped())
+    weights = np.array(maps["weights"])
+    assert weights.shape == (len(maps["headings_rad"]), len(maps["y_m"]), len(maps["x_m"]), 3)
+    assert np.abs(weights.sum(axis=3) - 100).max() <= 2
+    assert weights.std() > 1.0
+    session_policy = trained.policy._replace(
+        arrays={**trained.policy.arrays, **{name: 0 * trained.policy.arrays[name] for name in ("theta", "mean")}}
+    )
+    assert (np.array(weight_maps(fusion, session_policy, shipped())["weights"]) == 33).all()
+
+
+def test_one_worker_and_two_give_the_same_results_and_a_run_goes_on_where_one_was_stopped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["ladder", *TINY, "--max-steps", "40", "--json", "--out"]
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        for name, jobs in (("one", "1"), ("two", "2")):
+            assert main([*arguments, str(tmp_path / name), "--jobs", jobs]) == 0
+        one, two = (kept(tmp_path / name) for name in ("one", "two"))
+        assert len(one) == 2
+        assert one == two
+        (tmp_path / "two" / "tasks" / "fbql-trees1001-seed0.json").unlink()
+        controls = (tmp_path / "two" / "tasks" / "controls-trees1001.json").stat().st_mtime_ns
+        assert main([*arguments, str(tmp_path / "two"), "--jobs", "2"]) == 0
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert kept(tmp_path / "two") == one
+    assert (tmp_path / "two" / "tasks" / "controls-trees1001.json").stat().st_mtime_ns == controls
+    told = capsys.readouterr()
+    assert "1 of 2 tasks are done already" in told.err
+    tables = [json.loads(line)["table"] for line in told.out.splitlines()]
+    for table in tables:
+        assert table[-1].pop("training_s") > 0.0
+    assert tables[0] == tables[1] == tables[2]
+
+
+def kept(directory: Path) -> dict[str, Any]:
+    """The results of a study's tasks, but for what was measured."""
+    found = {path.name: json.loads(path.read_text()) for path in (directory / "tasks").glob("*.json")}
+    for result in found.values():
+        result.pop(MEASURED, None)
+    return found
