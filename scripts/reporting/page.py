@@ -47,6 +47,7 @@ def write_page(run: Run, out: TextIO, progress: Callable[[int], None]) -> Conten
             headline=_headline(contents),
             tiles=sections.tiles(contents),
             warnings=sections.warnings(contents),
+            senses=sections.senses(contents),
             controllers=sections.controllers(contents),
             episodes=sections.episodes(contents),
             about=sections.about(contents, sections.file_digests(run)),

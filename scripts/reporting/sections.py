@@ -26,6 +26,18 @@ _CONTROLLERS = {
 }
 
 
+_FEATURES = {
+    "ball_distance": "how far the ball is away",
+    "ball_bearing": "on which side of the robot the ball is; 0 is straight ahead",
+    "wall_distance": "how far the closest point of the walls is away",
+    "wall_bearing": "on which side of the robot that point is",
+    "detour_heading_error": "on which side of the robot the way round the ball is: straight at the ball when that pushes it "
+    "at the goal, else past it on the side that leads behind it",
+    "approach_angle": "how far the line from the ball to the goal turns from the line from the robot to the ball; 0 means "
+    "that driving at the ball pushes it at the goal",
+}
+
+
 def tiles(contents: Contents) -> str:
     """The result in numbers, counted from the recording."""
     episodes = counted(contents.episodes)
@@ -80,6 +92,13 @@ def controllers(contents: Contents) -> str:
     if guided or "subsumption" in contents.controllers:
         parts.append(_layers(contents.run))
     return "\n".join(parts)
+
+
+def senses(contents: Contents) -> str:
+    """What the features mean that stand in the rules, as far as they are ours."""
+    names = {feature.name for tree in contents.trees.values() for feature in tree.features}
+    known = [f"<div><dt>{name.replace('_', ' ')}</dt><dd>{_FEATURES[name]}</dd></div>" for name in _FEATURES if name in names]
+    return f'<p>What they sense; left and right are as the robot sees it:</p><dl class="senses">{"".join(known)}</dl>' if known else ""
 
 
 def _layers(run: Run) -> str:

@@ -1,6 +1,7 @@
 // The field at one step: robot, trail, ball, wall point, and where each behavior would go from here.
 
 const RECENT_STEPS = 240;
+const TRAIL_STEPS = 5000;
 const AHEAD_S = 0.25;
 const MARGIN_M = 0.05;
 
@@ -20,6 +21,7 @@ class Field {
     this.centre = [width / 2, height / 2];
     this.lines();
     this.trails(step, episode);
+    this.labels();
     this.wallPoint(step);
     this.ball(step);
     this.ahead(step);
@@ -58,19 +60,27 @@ class Field {
     pen.stroke();
     for (const side of [1, -1]) this.path([this.at(side * x, goal), this.at(side * x, -goal)], colours.chalk, 1.5);
     this.path(outline, colours.wall, 3);
+  }
+
+  labels() {
+    const { half_length_m: x, half_goal_m: goal } = run.field;
+    const pen = this.pen;
     pen.fillStyle = colours.quiet;
+    pen.strokeStyle = colours.grass;
+    pen.lineWidth = 4;
     pen.font = `${Math.max(11, Math.min(14, 0.045 * this.scale))}px system-ui, sans-serif`;
     pen.textBaseline = "middle";
     for (const [side, words] of [[1, "goal to score in →"], [-1, "← own goal"]]) {
       pen.textAlign = side > 0 ? "right" : "left";
       const [px, py] = this.at(side * (x - 0.03), goal + 0.07);
+      pen.strokeText(words, px, py);
       pen.fillText(words, px, py);
     }
     pen.textAlign = "center";
   }
 
   trails(step, episode) {
-    const first = episode.first;
+    const first = Math.max(episode.first, step - TRAIL_STEPS);
     const recent = Math.max(first, step - RECENT_STEPS);
     this.path(this.points("ball", first, step), colours.ball, 1.5, [2, 5]);
     this.pen.globalAlpha = 0.35;

@@ -91,7 +91,7 @@ function mark(button, current) {
 
 function legend() {
   const entries = run.behaviors.map((name, k) => [signOf(k), name, colourOf(k)]);
-  entries.push(["━", "command, and the trail where all drive together", colours.ink], ["●", "ball (its trail dotted)", colours.ball], ["✕", "closest wall point", colours.bad]);
+  entries.push(["━", "command, and the trail where all drive together", colours.ink], ["◉", "ball (its trail dashed)", colours.ball], ["✕", "closest wall point", colours.bad]);
   byId("legend").replaceChildren(...entries.map(([sign, words, colour]) => {
     const shown = element("span", { text: sign, "aria-hidden": "true" });
     shown.style.color = colour;

@@ -79,6 +79,7 @@ function why(step) {
   if (!flag("has_decision", step)) return "What was decided here is not in the recording.";
   const driver = place("driver", step);
   const motion = run.commands[place("command_words", step)] ?? "n/a";
+  if (flag("terminated", step) || flag("truncated", step)) return `The episode ends here: ${events(step)}. The robot is told: ${motion}.`;
   const guided = run.phases[place("phase", step)] === "guided" ? " (the guide's choice)" : "";
   if (driver !== null) {
     const found = rule(driver, step);

@@ -10,7 +10,8 @@ class Strip {
     this.paint = paint;
     this.canvas = element("canvas", { role: "img" });
     this.caption = element("figcaption", { text: words });
-    parent.append(element("figure", { kind: "strip" }, this.caption, this.canvas));
+    this.cursor = element("div", { kind: "cursor", hidden: "" });
+    parent.append(element("figure", { kind: "strip" }, this.caption, this.canvas, this.cursor));
     const point = (event) => {
       const box = this.canvas.getBoundingClientRect();
       moved(Math.min(1, Math.max(0, (event.clientX - box.left - LEFT) / (box.width - LEFT - RIGHT))));
@@ -53,9 +54,11 @@ class Strip {
     return this.bottom - ((number - this.low) / (this.high - this.low)) * (this.bottom - this.top);
   }
 
-  cursor(share) {
-    this.pen.fillStyle = colours.ink;
-    this.pen.fillRect(Math.round(this.x(share)) - 1, 0, 2, this.height);
+  /** Marks a place, without drawing anything anew. */
+  mark(share) {
+    this.cursor.hidden = false;
+    this.cursor.style.height = `${this.height}px`;
+    this.cursor.style.left = `${this.x(share)}px`;
   }
 }
 
@@ -64,7 +67,7 @@ function stack(strip, from, to, shares, fills) {
   let below = 0;
   shares.forEach((share, k) => {
     strip.pen.fillStyle = fills[k];
-    strip.pen.fillRect(from, strip.y(below + share), Math.max(1, to - from), strip.y(below) - strip.y(below + share));
+    strip.pen.fillRect(Math.round(from), strip.y(below + share), Math.max(1, Math.round(to) - Math.round(from)), strip.y(below) - strip.y(below + share));
     below += share;
   });
 }
@@ -88,7 +91,7 @@ class Timelines {
     ];
     if (columns.has("q.0") && columns.get("q.0").floats.some((q) => !Number.isNaN(q)))
       this.within.push(new Strip(inEpisode, "Q of each behavior", 84, (strip) => this.q(strip), within));
-    const bars = (name) => (strip) => this.bars(strip, run.episodes.map((episode) => episode[name]));
+    const bars = (name) => (strip) => this.bars(strip, name);
     this.among = [
       new Strip(inRun, `Weights, mean of each episode (stacked): ${names}`, 110, (strip) => this.meanWeights(strip), among),
       new Strip(inRun, "Reward: sum of each episode", 84, bars("return"), among),
@@ -98,12 +101,12 @@ class Timelines {
   }
 
   draw(step, episode) {
-    const other = episode !== this.episode;
-    this.episode = episode;
-    this.step = step;
-    this.within.forEach((strip) => strip.draw());
-    if (other || this.stale) this.among.forEach((strip) => strip.draw());
-    this.stale = false;
+    if (episode !== this.episode || this.stale) {
+      this.episode = episode;
+      for (const strip of [...this.within, ...this.among]) strip.draw();
+      this.stale = false;
+    }
+    this.within.forEach((strip) => strip.mark(this.share(step)));
   }
 
   share(step) {
@@ -120,7 +123,6 @@ class Timelines {
       stack(strip, strip.x(bin / bins), strip.x((bin + 1) / bins), mean("weights", first + from, first + to), fills);
     }
     strip.canvas.setAttribute("aria-label", `Weights over the ${count} steps of episode ${this.episode.index}`);
-    strip.cursor(this.share(this.step));
   }
 
   rewards(strip) {
@@ -144,7 +146,6 @@ class Timelines {
     for (const i of collisions) strip.pen.fillText("▼", strip.x(this.share(i)), strip.top + 4);
     const sum = found.reduce((total, [, reward]) => total + reward, 0);
     strip.canvas.setAttribute("aria-label", `${found.length} rewards, in sum ${brief(sum)}; ${collisions.length} collisions`);
-    strip.cursor(this.share(this.step));
   }
 
   q(strip) {
@@ -165,10 +166,13 @@ class Timelines {
       pen.setLineDash([[], [7, 3], [2, 3], [9, 3, 2, 3]][k % 4]);
       pen.lineWidth = 1.5;
       pen.stroke();
+      pen.setLineDash([]);
+      const last = value(`q.${k}`, first + count - 1);
+      pen.fillStyle = colourOf(k);
+      pen.textAlign = "right";
+      if (last !== null) pen.fillText(signOf(k), strip.x(1) - 14 * k, Math.min(strip.bottom - 5, Math.max(strip.top + 5, strip.y(last))));
     });
-    strip.pen.setLineDash([]);
     strip.canvas.setAttribute("aria-label", `Q from ${brief(low)} to ${brief(high)}`);
-    strip.cursor(this.share(this.step));
   }
 
   /** Draws something for each episode, and marks the one that is shown. */
@@ -194,13 +198,14 @@ class Timelines {
     strip.canvas.setAttribute("aria-label", `Mean weights of ${run.episodes.length} episodes`);
   }
 
-  bars(strip, numbers) {
+  bars(strip, name) {
+    const numbers = run.episodes.map((episode) => episode[name]);
     const known = numbers.filter((each) => each !== null);
     const [low, high] = [Math.min(0, ...known), Math.max(0, ...known)];
     strip.axis(low, high === low ? 1 : high, [...new Set([low, 0, high])]);
     this.each(strip, (episode, from, to, k) => {
       if (numbers[k] === null) return;
-      strip.pen.fillStyle = numbers[k] < 0 ? colours.bad : colours.good;
+      strip.pen.fillStyle = name !== "return" ? colours.quiet : numbers[k] < 0 ? colours.bad : colours.good;
       const [top, bottom] = [strip.y(Math.max(0, numbers[k])), strip.y(Math.min(0, numbers[k]))];
       strip.pen.fillRect(from, top, Math.max(1, to - from), bottom - top);
     });
