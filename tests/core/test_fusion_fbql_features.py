@@ -16,6 +16,7 @@ LENGTHS = (2, 1, 3)
 SIGNED = np.array([False, True, False, True, True, False])
 """Of what three behaviors sense: the second, fourth and fifth number change their sign in the mirror."""
 DECISIVE = 4
+DEFAULT = Resolution()
 senses = st.floats(-4, 4).filter(lambda x: x == 0.0 or abs(x) > 1e-6)
 
 
@@ -33,7 +34,7 @@ def sensed(rng: np.random.Generator, count: int) -> list[Situation]:
     return [situation(tuple(rng.integers(0, 5, 3).tolist()), row) for row in values.tolist()]
 
 
-def made(resolution: Resolution = Resolution(), mirror: bool = True) -> Features:
+def made(resolution: Resolution = DEFAULT, mirror: bool = True) -> Features:
     rng = np.random.default_rng(1)
     scales = Scales.of(sensed(rng, 300), mirror)
     return Features(scales, resolution, Features.random_offsets(resolution, len(scales.knots), rng))
@@ -135,9 +136,10 @@ def literal_features(features: Features, given_: Situation) -> list[tuple[object
         found += [("leaf", i, leaves[i]) for i in range(n)]
         found += [("leaves", i, j, leaves[i], leaves[j]) for i, j in pairs]
     starts = [sum(lengths[:i]) for i in range(n)]
-    groups = [(pair, row, resolution.pair_tiles) for pair in pairs for row in range(resolution.pair_tilings)]
-    for row in range(resolution.joint_tilings):
-        groups.append((tuple(range(n)), resolution.pair_tilings + row, resolution.joint_tiles))
+    groups: list[tuple[tuple[int, ...], int, int]] = []
+    groups += [(pair, row, resolution.pair_tiles) for pair in pairs for row in range(resolution.pair_tilings)]
+    joint = range(resolution.pair_tilings, resolution.pair_tilings + resolution.joint_tilings)
+    groups += [(tuple(range(n)), row, resolution.joint_tiles) for row in joint]
     for group, row, tiles in groups:
         tile = [
             int(ranks[i][c] * tiles + features.offsets[row, starts[i] + c]) for i in group for c in range(lengths[i])

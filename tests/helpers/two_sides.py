@@ -1,0 +1,107 @@
+"""A task without a simulator, for learners: two behaviors, of which each is right on one side and wrong on the other.
+
+A point drifts at random between left and right, 0 to 1, and is driven up or down. "up" drives it up on the left half and
+down on the right one; "down" the other way round. At the top is the goal, at the bottom the own goal, and half way up it
+starts: who always takes the same behavior, or draws one, scores in half of the episodes. Nothing else is rewarded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from fbql_common.core.types import BehaviorOutput, Decision, World
+from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.core.session import Session
+
+UP, DOWN = 0, 1
+BEHAVIORS = ["up", "down"]
+MAX_STEPS = 120
+LEAF_COUNT = 4
+Answers = list[BehaviorOutput | None]
+Heard = Callable[[World, Answers], Answers]
+
+
+def parameters(**changes: object) -> FusionParameters:
+    """FBQL for this task: it has no mirror, and is learned in few episodes."""
+    values: dict[str, object] = {
+        "controller": "fbql",
+        "behaviors": list(BEHAVIORS),
+        "layers": list(BEHAVIORS),
+        "guided": 0,
+        "fbql_mirror": False,
+        "fbql_hold_steps": 3,
+        "fbql_horizon": 300,
+    }
+    return FusionParameters(**(values | changes))  # pyright: ignore[reportArgumentType]
+
+
+def world_state(episode: int, step: int, **changes: object) -> World:
+    """A world state in which nothing happened."""
+    base = World(
+        1 + step, episode, step, 0.0, 0.0, 0.1, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.9, 0.0,
+        False, False, False, False, False, False,
+    )  # fmt: skip
+    return base._replace(**changes)
+
+
+def answer(
+    name: str, reference: float, leaf_id: int, observation: Sequence[float], **changes: object
+) -> BehaviorOutput:
+    """What a behavior of this task answers: both wheels at `reference`."""
+    made = BehaviorOutput(
+        1, 0, 0, name, reference, reference, leaf_id, LEAF_COUNT, f"hash of {name}", False, tuple(observation)
+    )
+    return made._replace(**changes)
+
+
+class TwoSides:
+    """One episode after the other, each from its own seed."""
+
+    def __init__(self) -> None:
+        self._rng = np.random.default_rng(0)
+        self._x = self._y = 0.0
+
+    def reset(self, episode: int, seed: int) -> World:
+        """The first world state of an episode."""
+        self._rng = np.random.default_rng(seed)
+        self._x, self._y = self._rng.random(), 0.5
+        return world_state(episode, 0)
+
+    def answers(self) -> Answers:
+        """ "up" senses where the point is from left to right, "down" how high it is. The leaves are quarters of it."""
+        x, y = self._x, self._y
+        return [answer("up", 1.0, int(4.0 * y), [x]), answer("down", -1.0, int(4.0 * x), [y, 1.0 - y])]
+
+    def step(self, world: World, velocity: float) -> World:
+        """The next world state, after both wheels were commanded this velocity."""
+        self._x += self._rng.normal(0.0, 0.06)
+        self._x = min(max(abs(self._x), 0.0), 0.999)
+        self._y += 0.04 * velocity * (1.0 if self._x < 0.5 else -1.0)
+        step = world.step + 1
+        if self._y >= 0.98 or self._y <= 0.02:
+            won = self._y > 0.5
+            self._y = 0.5
+            return world_state(world.episode, step, goal=won, own_goal=not won, terminated=True)
+        return world_state(world.episode, step, truncated=step == MAX_STEPS)
+
+
+def play(session: Session, episodes: int, heard: Heard = lambda _, answers: answers) -> list[Decision]:
+    """Plays so many episodes. `heard` may spoil what the behaviors answer to a world state."""
+    task, decisions = TwoSides(), list[Decision]()
+    for _ in range(episodes):
+        begun = session.next_episode()
+        assert begun is not None
+        world = task.reset(*begun)
+        while True:
+            command, decision = session.decide(world, heard(world, task.answers()))
+            decisions.append(decision)
+            if world.ended:
+                break
+            world = task.step(world, command.left_rad_s)
+    return decisions
+
+
+def goals(session: Session, last: int) -> float:
+    """The share of goals among the last episodes."""
+    return sum(record.outcome == "goal" for record in session.records[-last:]) / last
