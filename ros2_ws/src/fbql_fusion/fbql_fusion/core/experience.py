@@ -131,10 +131,10 @@ class Batch(NamedTuple):
     @staticmethod
     def from_arrays(arrays: Mapping[str, NDArray[Any]], features: Features, behaviors: int) -> list[Episode]:
         """The episodes that `to_arrays` told of. Raises BadInput where the arrays can't be it."""
-        names = ("lengths", "terminated", "active", "driver", "chance", "reward", "discount")
+        names = ("lengths", "terminated", "driver", "active", "chance", "reward", "discount")
         count, total = rows_of(arrays, "waiting_lengths"), rows_of(arrays, "waiting_driver")
         width = features.active_features if count else 0
-        shapes = ((count,), (count,), (count + total, width), (total,), (total,), (total,), (total,))
+        shapes = ((count,), (count,), (total,), (count + total, width), (total,), (total,), (total,))
         kinds = zip("ibiifff", shapes, strict=True)
         check_arrays(arrays, {f"waiting_{name}": kind for name, kind in zip(names, kinds, strict=True)})
         check_range(arrays, "waiting_lengths", 1, total)
@@ -142,7 +142,7 @@ class Batch(NamedTuple):
         check_range(arrays, "waiting_driver", 0, behaviors - 1)
         check_range(arrays, "waiting_chance", float(np.finfo(np.float64).tiny), 1.0)
         check_range(arrays, "waiting_discount", 0.0, 1.0)
-        lengths, terminated, active, driver, *rest = (arrays[f"waiting_{name}"] for name in names)
+        lengths, terminated, driver, active, *rest = (arrays[f"waiting_{name}"] for name in names)
         if sum(lengths.tolist()) != total:
             raise BadInput("the policy's arrays 'waiting_*' do not fit each other")
         episodes: list[Episode] = []
