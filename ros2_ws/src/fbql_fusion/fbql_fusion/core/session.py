@@ -279,12 +279,7 @@ class Session:
         for output, tree in zip(outputs, self._trees):  # noqa: B905 - decide compares their numbers
             if output is not None:
                 _, _, _, _, left, right, leaf_id, leaf_count, _, _, _ = output
-                if (
-                    output[7:9] == tree
-                    and 0 <= leaf_id < leaf_count
-                    and -_INF < left < _INF
-                    and -_INF < right < _INF
-                ):
+                if output[7:9] == tree and 0 <= leaf_id < leaf_count and -_INF < left < _INF and -_INF < right < _INF:
                     leaves.append(leaf_id)
                     continue
             heard = [self._examined(i, output) for i, output in enumerate(outputs)]
