@@ -72,6 +72,18 @@ def test_what_is_learned_about_n_behaviors_is_kept_and_played_on(controller: str
 
 
 @COUNTS
+def test_fbql_remembers_what_was_visited_and_not_the_product_of_n_trees(n: int) -> None:
+    session, decisions = played(n, "fbql", guided=1)
+    policy = session.policy()
+    assert policy is not None
+    active = policy.arrays["waiting_active"].shape[1]
+    held = session.parameters.fbql_hold_steps
+    visited = len(decisions) // held + 2 * len(session.records)
+    assert active <= len(policy.arrays["keys"]) <= visited * active
+    assert np.abs(policy.arrays["theta"]).max() > 0.0 or n == 1
+
+
+@COUNTS
 def test_equal_weights_are_the_mean_of_n_references(n: int) -> None:
     behaviors = behaviors_of(n)
     session = Session(FusionParameters(controller="uniform", behaviors=list(NAMES[:n]), episodes=1))

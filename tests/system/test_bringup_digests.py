@@ -12,6 +12,8 @@ CONTROLLERS = {
     "subsumption": ["--episodes", "2"],
     # Learning, with episodes of every phase and end.
     "fbql_literal": ["--episodes", "2", "--guided", "2", "--max-steps", "700"],
+    # Guided episodes that the features are made of, then a batch of episodes that is learned from.
+    "fbql": ["--episodes", "4", "--guided", "1", "--max-steps", "400"],
 }
 
 
