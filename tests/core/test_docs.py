@@ -14,6 +14,7 @@ import pytest
 from fbql_behaviors.core.induction import InductionParameters
 from fbql_behaviors.core.instructors import Habits
 from fbql_behaviors.core.recipes import Recipe
+from fbql_fusion.core.fbql_parameters import FbqlParameters
 from fbql_fusion.core.parameters import PRESETS, FusionParameters
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_sim.core.parameters import SimulationParameters
@@ -52,6 +53,7 @@ TEST = re.compile(r"(tests/[\w/]+\.py)::(\w+)")
 DECLARATIONS = {
     declaration.__name__: declaration
     for declaration in (
+        FbqlParameters,
         FusionNodeParameters,
         FusionParameters,
         Habits,
