@@ -97,8 +97,14 @@ def controllers(contents: Contents) -> str:
 def senses(contents: Contents) -> str:
     """What the features mean that stand in the rules, as far as they are ours."""
     names = {feature.name for tree in contents.trees.values() for feature in tree.features}
-    known = [f"<div><dt>{name.replace('_', ' ')}</dt><dd>{_FEATURES[name]}</dd></div>" for name in _FEATURES if name in names]
-    return f'<p>What they sense; left and right are as the robot sees it:</p><dl class="senses">{"".join(known)}</dl>' if known else ""
+    known = [
+        f"<div><dt>{name.replace('_', ' ')}</dt><dd>{_FEATURES[name]}</dd></div>" for name in _FEATURES if name in names
+    ]
+    return (
+        f'<p>What they sense; left and right are as the robot sees it:</p><dl class="senses">{"".join(known)}</dl>'
+        if known
+        else ""
+    )
 
 
 def _layers(run: Run) -> str:

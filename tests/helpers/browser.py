@@ -14,6 +14,8 @@ from typing import Any
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 PATIENCE_S = 60.0
+CODES = {"Enter": 13, "ArrowLeft": 37, "ArrowRight": 39}
+"""Of keys that controls of the browser's own look at."""
 
 
 def browser_path() -> str | None:
@@ -106,9 +108,10 @@ class Browser:
 
     def key(self, key: str, shift: bool = False) -> None:
         """Presses and releases a key."""
-        text = {"text": key} if len(key) == 1 else {}
+        text = {"text": "\r" if key == "Enter" else key} if len(key) == 1 or key == "Enter" else {}
+        code = {"windowsVirtualKeyCode": CODES[key]} if key in CODES else {}
         for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=key, modifiers=8 if shift else 0, **text)
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, modifiers=8 if shift else 0, **code, **text)
             text = {}
 
     def click(self, selector: str, share: float = 0.5) -> None:

@@ -33,7 +33,10 @@ def hostile_run(path: Path) -> Path:
         for kind, topic in names.items()
     ]
     tree = Tree(
-        HOSTILE, (Feature(HOSTILE, HOSTILE, 0.0, 1.0),), (Split(0, 0.5, 1, 2), 0, 1), (Leaf(1.0, 1.0, 1), Leaf(2.0, 2.0, 1))
+        HOSTILE,
+        (Feature(HOSTILE, HOSTILE, 0.0, 1.0),),
+        (Split(0, 0.5, 1, 2), 0, 1),
+        (Leaf(1.0, 1.0, 1), Leaf(2.0, 2.0, 1)),
     )
     config = {
         "versions": {HOSTILE: HOSTILE},
