@@ -19,7 +19,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from studies.courses import MEASURES
@@ -96,6 +96,7 @@ def paper_figure(numbers: Mapping[str, Any]) -> Figure:
         axis.set_ylim(bottom=0)
         axis.grid(lw=0.4)
     for axis in axes[1]:
+        axis.xaxis.set_major_locator(MaxNLocator(integer=True))
         axis.set_xlabel("success")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     return figure
