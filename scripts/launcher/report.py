@@ -9,7 +9,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -34,9 +34,11 @@ def main(argv: Sequence[str]) -> int:
     try:
         run = open_run(arguments.run, skip_corrupt=arguments.skip_corrupt)
         out = arguments.out or default_page(run.path)
-        if out.exists() and not arguments.force:
-            raise BadInput(f"{out} exists; --force replaces it, --out FILE writes elsewhere")
-        found = _write(run, out, interrupts)
+        figures = out.with_name(f"{out.stem}-figures") if arguments.figures else None
+        for path in (out, figures):
+            if path is not None and path.exists() and not arguments.force:
+                raise BadInput(f"{path} exists; --force replaces it, --out FILE writes elsewhere")
+        found = _write(run, out, figures, interrupts)
     except BadInput as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return BAD_INPUT
@@ -61,7 +63,13 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument("run", type=Path, metavar="RUN", help="run directory, bag of ROS 2 (MCAP), or .mcap file")
     command.add_argument("--out", type=Path, metavar="FILE", help=f"the page (RUN/{PAGE}; beside an .mcap file)")
-    command.add_argument("--force", action="store_true", help="replace a page that is there")
+    command.add_argument(
+        "--figures",
+        action="store_true",
+        help="write figures as well (PDF and SVG: steps, collisions, failures, success rate), and episodes and steps as "
+        "CSV and Parquet, into a directory beside the page",
+    )
+    command.add_argument("--force", action="store_true", help="replace a page and figures that are there")
     command.add_argument("--allow-incomplete", action="store_true", help="exit with 0, not 3, where it is incomplete")
     command.add_argument("--skip-corrupt", action="store_true", help="leave damaged chunks out instead of ending there")
     command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
@@ -73,7 +81,7 @@ def default_page(run: Path) -> Path:
     return run / PAGE if run.is_dir() else run.with_name(f"{run.name.split('.mcap')[0]}-{PAGE}")
 
 
-def _write(run: Any, out: Path, interrupts: Interrupts) -> dict[str, Any]:
+def _write(run: Any, out: Path, figures: Path | None, interrupts: Interrupts) -> dict[str, Any]:
     """The page is there whole or not at all."""
     from fbql_common.core.errors import BadInput
     from reporting.page import write_page
@@ -85,13 +93,19 @@ def _write(run: Any, out: Path, interrupts: Interrupts) -> dict[str, Any]:
     def progress(steps: int) -> None:
         if interrupts.came:
             raise Interrupted(f"ended by {interrupts.name}; nothing was written")
-        line.show(f"{steps} of {total} steps")
+        line.show(f"{what}: {steps} of {total} steps")
 
+    what = "page"
+    files: list[Path] = []
     temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
     try:
         try:
-            with temporary.open("x", encoding="utf-8") as file, closing(ProgressLine()) as line:
-                contents = write_page(run, file, progress)
+            with closing(ProgressLine()) as line:
+                with temporary.open("x", encoding="utf-8") as file:
+                    contents = write_page(run, file, progress)
+                if figures is not None:
+                    what = "tables"
+                    files = _figures(run, contents.episodes, figures, progress)
             temporary.replace(out)
         finally:
             temporary.unlink(missing_ok=True)
@@ -103,9 +117,26 @@ def _write(run: Any, out: Path, interrupts: Interrupts) -> dict[str, Any]:
         "steps": contents.steps,
         "episodes": len(contents.episodes),
         "complete": run.is_complete,
+        "files": [str(file) for file in files],
     }
+
+
+def _figures(run: Any, episodes: Any, directory: Path, progress: Callable[[int], None]) -> list[Path]:
+    """Figures and tables of a run; gives the files."""
+    from fbql_analysis.tables import FORMATS, write_episodes, write_steps
+    from reporting.figures import write_figures
+    from reporting.texts import plain
+
+    directory.mkdir(exist_ok=True)
+    controller = run.parameters.get("fusion", {}).get("controller", "")
+    files = write_figures(episodes, plain(f"{run.path.name} {controller}"), directory)
+    tables = {name: [directory / f"{name}{ending}" for ending in FORMATS] for name in ("episodes", "steps")}
+    write_episodes(run, *tables["episodes"], episodes=episodes)
+    write_steps(run, *tables["steps"], progress=progress)
+    return [*files, *tables["episodes"], *tables["steps"]]
 
 
 def _words(found: dict[str, Any]) -> str:
     size = f"{found['bytes'] / 1e6:.1f} MB"
-    return f"report {found['path']} ({size}; {found['steps']} steps, {found['episodes']} episodes)"
+    page = f"report {found['path']} ({size}; {found['steps']} steps, {found['episodes']} episodes)"
+    return "\n".join([page, *(f"file {file}" for file in found["files"])])

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import fields
 from importlib import import_module
 from itertools import chain
@@ -37,13 +37,16 @@ def steps_frame(run: Run) -> Any:
 
 def episodes_frame(run: Run) -> Any:
     """The episodes as a pandas DataFrame; what the recording does not tell is <NA>. Raises BadInput, `Corrupt`."""
-    return _optional("pandas").DataFrame(_episode_columns(run)).convert_dtypes()
+    return _optional("pandas").DataFrame(_episode_columns(run.episodes())).convert_dtypes()
 
 
-def write_steps(run: Run, path: Path) -> int:
-    """Writes the steps as a table, by the file's name as CSV or Parquet; gives their number.
+def write_steps(run: Run, *paths: Path, progress: Callable[[int], None] = lambda _: None) -> int:
+    """Writes the steps as tables, by each file's name as CSV or Parquet, and reads them once; gives their number.
 
     In a CSV a float has as many digits as it takes to read the same one back; NaN, which is "n/a", is an empty field.
+
+    Args:
+        progress: told how many steps are written, now and then; what it raises ends the writing.
 
     Raises:
         BadInput: another kind of file, it can't be written, or Parquet without pyarrow; `Corrupt`.
@@ -51,17 +54,22 @@ def write_steps(run: Run, path: Path) -> int:
     features = _features(run)
     blocks = (_named(flat(block, run.behaviors), features) for block in _blocks(run))
     written = 0
-    with _writer(path) as write:
+    with _writers(paths) as write:
         for block in blocks:
             write(block)
             written += len(block["step"])
+            progress(written)
     return written
 
 
-def write_episodes(run: Run, path: Path) -> int:
-    """Writes the episodes as a table, like `write_steps`; gives their number."""
-    columns = _episode_columns(run)
-    with _writer(path) as write:
+def write_episodes(run: Run, *paths: Path, episodes: Sequence[Episode] | None = None) -> int:
+    """Writes the episodes as tables, like `write_steps`; gives their number.
+
+    Args:
+        episodes: those of `run.episodes()`, from whoever has them already.
+    """
+    columns = _episode_columns(run.episodes() if episodes is None else episodes)
+    with _writers(paths) as write:
         write(columns)
     return len(columns["index"])
 
@@ -103,13 +111,25 @@ def _named(columns: Columns, names: dict[str, str]) -> Columns:
     return {names.get(name, name): column for name, column in columns.items()}
 
 
-def _episode_columns(run: Run) -> dict[str, list[Any]]:
-    episodes = run.episodes()
+def _episode_columns(episodes: Sequence[Episode]) -> dict[str, list[Any]]:
     names = [field.name for field in fields(Episode)]
     return {name.rstrip("_"): [getattr(episode, name) for episode in episodes] for name in names}
 
 
 # Files
+
+
+@contextmanager
+def _writers(paths: Sequence[Path]) -> Iterator[Callable[[Any], None]]:
+    """A function that writes a block of columns to every file."""
+    with ExitStack() as files:
+        writers = [files.enter_context(_writer(path)) for path in paths]
+
+        def write(columns: Any) -> None:
+            for each in writers:
+                each(columns)
+
+        yield write
 
 
 @contextmanager
