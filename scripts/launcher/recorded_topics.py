@@ -12,7 +12,7 @@ from fbql_analysis import Topic
 from fbql_common.core.errors import BadInput
 from fbql_common.topics import STEP_QOS
 from fbql_fusion.bag_metadata import INFINITE_NS
-from fbql_fusion.message_definitions import schema_text, type_hash
+from fbql_fusion.message_definitions import essence, schema_text, type_hash
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
@@ -69,13 +69,7 @@ def _is_as_recorded(topic: Topic) -> bool:
     recorded = topic.metadata.get("topic_type_hash")
     if recorded:
         return recorded == type_hash(topic.type_name, _share)
-    return _essence(topic.schema) == _essence(schema_text(topic.type_name, _share))
-
-
-def _essence(schema: str) -> set[str]:
-    """The definitions in a schema without comments and spaces; in which order they follow does not matter."""
-    lines = (" ".join(line.split("#", 1)[0].split()) for line in schema.splitlines())
-    return set("\n".join(line for line in lines if line).split("=" * 80))
+    return essence(topic.schema) == essence(schema_text(topic.type_name, _share))
 
 
 def _share(package: str) -> Path:

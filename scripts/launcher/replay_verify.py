@@ -70,6 +70,7 @@ def _values(
         "digest": found.digest,
         "not_recomputed": found.not_recomputed,
         "unfinished_steps": found.unfinished,
+        "gap": found.gap,
         "complete": run.is_complete,
         "notes": [*notes, *run.warnings],
         "seconds": round(seconds, 3),
@@ -85,6 +86,8 @@ def _words(found: Verification, difference: Difference | None, team: Team, notes
         f"as recorded, not computed again: {count} answers of {name}: {team.missing[name]}"
         for name, count in found.not_recomputed.items()
     ]
+    if found.gap is not None:
+        lines.append(f"not compared: from {found.gap} on; before it something is lost")
     if found.unfinished:
-        lines.append("the last step was cut off and is not compared")
+        lines.append("the step before the cut is not recorded whole, and is not compared")
     return "\n".join([*lines, *notes])

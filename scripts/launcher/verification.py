@@ -61,6 +61,8 @@ class Verification(NamedTuple):
     """Answers of behaviors that were taken as recorded, because they can't be computed again."""
     unfinished: int
     """Steps at the end of a recording that was cut off of which messages are missing: not compared."""
+    gap: str | None
+    """The step behind the first gap of a recovered recording, in words. It, and all behind it, can't be compared."""
 
 
 def verify(run: Run, session: Session, team: Team, progress: Callable[[int], None]) -> Verification:
@@ -94,7 +96,11 @@ class _Verifier:
     def run(self, progress: Callable[[int], None]) -> Verification:
         difference: Difference | None = None
         unfinished: StepData | None = None
+        gap: str | None = None
         for data in self._run.step_data():
+            if data.after_gap:
+                gap = f"episode {data.episode}, step {data.step} (at {data.stamp_ns / 1e9:.3f} s)"
+                break
             if unfinished is not None:
                 difference = self._missing(unfinished)
                 break
@@ -111,7 +117,7 @@ class _Verifier:
             difference = self._missing(unfinished)
         digest = self._retold.session.digest
         left_over = int(unfinished is not None and difference is None)
-        return Verification(self._index, difference, digest, dict(self._not_recomputed), left_over)
+        return Verification(self._index, difference, digest, dict(self._not_recomputed), left_over, gap)
 
     def _step(self, data: StepData) -> Difference | None:
         parts = data.data

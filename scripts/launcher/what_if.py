@@ -72,6 +72,11 @@ def compared(run: Run, session: Session, behaviors: Mapping[str, Behavior]) -> I
     retold = Retold(session)
     others = [behaviors.get(name) for name in run.behaviors]
     for step in run.steps():
+        if step.after_gap:
+            raise BadInput(
+                f"{run.path}: before episode {step.episode}, step {step.step} something is lost; what comes after it can't "
+                "be decided again"
+            )
         world = step.world
         if world is None or step.command is None or step.decision is None:
             if run.is_complete:

@@ -195,12 +195,23 @@ def test_an_episode_that_begins_again_may_have_the_same_steps_again():
     join = StepJoin(1)
     join.add(0, (1, 0, 0), b"a")
     out = list(join.ready())
-    out += join.begin_again()
+    out += join.rest()
+    join.mark_next(begins_again=True, after_gap=False)
     join.add(0, (1, 0, 0), b"a")
     join.add(0, (2, 0, 1), b"b")
     out += join.rest()
     assert [(step.step, step.begins_again) for step in out] == [(0, False), (0, True), (1, False)]
     assert join.repeated == 0
+
+
+def test_the_step_after_a_gap_says_so():
+    join = StepJoin(1)
+    join.mark_next(begins_again=False, after_gap=True)
+    for step in range(2):
+        join.add(0, (step, 0, step), b"a")
+    assert [(step.step, step.after_gap, step.begins_again) for step in join.rest()] == [
+        (0, True, False), (1, False, False),
+    ]  # fmt: skip
 
 
 # Episodes and columns

@@ -22,7 +22,18 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Footer, Metadata, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
-from fbql_analysis.mcap_format import CODECS, HEAD, MAX_RECORD_BYTES, MESSAGE, PROFILES, chunk_head, unpacked
+from fbql_analysis.mcap_format import (
+    CODECS,
+    FIRST_PRIVATE,
+    HEAD,
+    MAX_RECORD_BYTES,
+    MESSAGE,
+    PROFILES,
+    TELLING,
+    chunk_head,
+    has_layout,
+    unpacked,
+)
 
 _FOOTER_BYTES = HEAD.size + 20 + len(MCAP0_MAGIC)
 _NO_RECORD = (McapError, struct.error, UnicodeDecodeError, ValueError, OverflowError, EOFError)
@@ -273,6 +284,8 @@ class McapFile:
             if opcode == Opcode.CHUNK:
                 number += 1
                 yield from self._chunk(body, at, number, window)
+            elif not self._is_of_its_kind(opcode, body):
+                self._complain(at, f"a record of kind {opcode} is damaged")
             elif opcode == Opcode.MESSAGE:
                 yield from self._messages(HEAD.pack(opcode, length) + body, at, window)
             else:
@@ -280,6 +293,13 @@ class McapFile:
                 if mark is not None and at in self.metadata:
                     mark(*self.metadata[at])
             at += HEAD.size + length
+
+    @staticmethod
+    def _is_of_its_kind(opcode: int, body: bytes) -> bool:
+        """Whether a record's structure is that of its kind; not known to the specification: whether it is no other's."""
+        if opcode == Opcode.MESSAGE or opcode >= FIRST_PRIVATE:
+            return not any(has_layout(kind, body, 0, len(body)) for kind in TELLING)
+        return has_layout(opcode, body, 0, len(body))
 
     def _check_data_end(self, body: bytes, crc: int, at: int) -> None:
         recorded = int.from_bytes(body, "little")

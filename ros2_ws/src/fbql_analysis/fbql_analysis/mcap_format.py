@@ -24,9 +24,12 @@ CODECS = ("", "zstd", "lz4")
 PROFILES = ("ros2", "")
 """Profiles of recordings of ROS 2."""
 
+FIRST_PRIVATE = 0x80
+"""From here on kinds of records are not the specification's, and their content is anything."""
+
 _CHUNK = Struct("<QQQII")
 """start, end, unpacked size, CRC of the unpacked records, length of the compression's name"""
-_LAYOUTS = {
+LAYOUTS = {
     Opcode.HEADER: "ss",
     Opcode.FOOTER: "8 8 4",
     Opcode.SCHEMA: "2 s s b",
@@ -44,6 +47,8 @@ _LAYOUTS = {
 }
 """Fields of each kind of record: bytes of a number; s: text; b, B: bytes after a length of 4 or 8; m: map of texts;
 x: entries of 16 bytes, c: entries of 10 bytes after their length."""
+TELLING = tuple(kind for kind, layout in LAYOUTS.items() if set(layout) & set("sbBmxc"))
+"""Kinds whose structure tells them from all others: it has lengths that have to fit."""
 _ENTRY_BYTES = {"m": 1, "x": 16, "c": 10}
 
 
@@ -94,7 +99,7 @@ def has_layout(opcode: int, data: bytes, begin: int, end: int) -> bool:
 
     The end may lie beyond the data: what is in long fields is not looked at.
     """
-    layout = _LAYOUTS.get(Opcode(opcode)) if opcode in _OPCODES else None
+    layout = LAYOUTS.get(Opcode(opcode)) if opcode in _OPCODES else None
     if layout is None:
         return False
     at = begin
@@ -118,6 +123,22 @@ def has_layout(opcode: int, data: bytes, begin: int, end: int) -> bool:
     return at == end
 
 
+def inner_length(opcode: int, data: bytes) -> int | None:
+    """How long a chunk's or attachment's body is by the length of what is in it; `data` begins with the body."""
+    at = 0
+    try:
+        for field in LAYOUTS[Opcode(opcode)].replace(" ", ""):
+            if field == "B":
+                at += 8 + struct.unpack_from("<Q", data, at)[0]
+            elif field == "s":
+                at += 4 + struct.unpack_from("<I", data, at)[0]
+            else:
+                at += int(field)
+    except struct.error:
+        return None
+    return at
+
+
 def _is_map(data: bytes, at: int, end: int) -> bool:
     """Whether data[at:end] is texts, two by two."""
     texts = 0
@@ -131,4 +152,4 @@ def _is_map(data: bytes, at: int, end: int) -> bool:
     return at == end and texts % 2 == 0
 
 
-_OPCODES = frozenset(int(opcode) for opcode in _LAYOUTS)
+_OPCODES = frozenset(int(opcode) for opcode in LAYOUTS)

@@ -11,7 +11,16 @@ from typing import Any
 
 from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
-from fbql_common.core.recording_names import CONFIG, EPISODES, RESTART_RECORD, RUN_RECORD
+from fbql_common.core.recording_names import (
+    COMPLETE,
+    CONFIG,
+    EPISODES,
+    GAP_RECORD,
+    LOST,
+    RECOVERY_RECORD,
+    RESTART_RECORD,
+    RUN_RECORD,
+)
 
 from fbql_analysis.core.columns import Columns, Recorded, columns_of
 from fbql_analysis.core.decoding import TYPES, MessageCodec
@@ -117,12 +126,13 @@ class Run:
     @property
     def is_complete(self) -> bool:
         """Whether everything that was recorded is there. What reading finds later counts from then on."""
-        return not any(mcap.damage.any for mcap in self._mcaps) and not self._left_out
+        return not any(mcap.damage.any for mcap in self._mcaps) and not self._left_out and not self._lost_before()
 
     @property
     def warnings(self) -> list[str]:
         """What is wrong with the recording, a line each, with counts; more may come while it is read."""
         lines = list(self._warnings)
+        lines += [f"{self.path}: recovered; lost is {what}" for what in self._lost_before()]
         for mcap in self._mcaps:
             damage = mcap.damage
             if damage.cut_off_at is not None:
@@ -159,18 +169,19 @@ class Run:
         """The steps as recorded bytes, joined by stamp, episode and step. Raises Corrupt."""
         places = self._places.of(self.behaviors)
         join = StepJoin(len(self.behaviors) + 3)
-        restarts: list[dict[str, str]] = []
+        marks: list[str] = []
 
-        def mark(name: str, values: dict[str, str]) -> None:
-            if name == RESTART_RECORD:
-                restarts.append(values)
+        def mark(name: str, _values: dict[str, str]) -> None:
+            if name in (RESTART_RECORD, GAP_RECORD):
+                marks.append(name)
 
         add, ready = join.add, join.ready
         for mcap in self._mcaps:
             for message in mcap.messages(Window(tuple(places)), mark):
-                if restarts:
-                    restarts.clear()
-                    yield from join.begin_again()
+                if marks:
+                    yield from join.rest()
+                    join.mark_next(begins_again=RESTART_RECORD in marks, after_gap=GAP_RECORD in marks)
+                    marks.clear()
                 place, codec = places[message.topic]
                 key = key_of(message.data) if codec.is_ours else None
                 if key is None:
@@ -198,6 +209,7 @@ class Run:
                 self._decoded(codecs.get(_COMMAND), parts[n + 1]),
                 self._decoded(codecs.get(_DECISION), parts[n + 2]),
                 data.begins_again,
+                data.after_gap,
             )
 
     def episodes(self, steps: Iterable[Step] | None = None) -> list[Episode]:
@@ -252,6 +264,11 @@ class Run:
         if not self._skip_corrupt:
             raise Corrupt(f"{self.path}: {what}: {why}; skip_corrupt (--skip-corrupt) reads the rest")
         self._left_out[what] = self._left_out.get(what, 0) + 1
+
+    def _lost_before(self) -> list[str]:
+        """What was lost before the recording was recovered, in words; nothing for one that never was damaged."""
+        records = [values for mcap in self._mcaps for name, values in mcap.metadata.values() if name == RECOVERY_RECORD]
+        return [values.get(LOST, "something") for values in records if values.get(COMPLETE) != "true"]
 
     # What describes it
 

@@ -5,6 +5,7 @@ Nothing outside of the directory is ever read, whatever its metadata.yaml or a s
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -40,6 +41,23 @@ def find_files(path: Path) -> RunFiles:
     if not path.exists():
         raise BadInput(f"{path}: no such run or recording")
     return RunFiles(None, [path])
+
+
+def find_damaged_files(path: Path) -> RunFiles:
+    """The files of a recording whose metadata.yaml may be damaged too: then all recordings of the directory are taken.
+
+    Raises:
+        BadInput: there is none.
+    """
+    try:
+        return find_files(path)
+    except BadInput as error:
+        if not path.is_dir():
+            raise
+        names = _recordings_in(path)
+        if not names:
+            raise
+        return RunFiles(path, [_inside(path, name) for name in names], warnings=[f"{error}; not used"])
 
 
 def read_inside(directory: Path, name: str) -> bytes | None:
@@ -96,13 +114,19 @@ def _in_directory(directory: Path) -> RunFiles:
 
 
 def _without_metadata(directory: Path) -> RunFiles:
-    names = sorted(path.name for path in directory.iterdir() if path.name.endswith((".mcap", ".mcap.active")))
+    names = _recordings_in(directory)
     if not names:
         raise BadInput(f"{directory}: no recording there (neither metadata.yaml nor an .mcap file)")
     if len(names) > 1:
         raise BadInput(f"{directory}: no metadata.yaml, and more than one recording ({', '.join(names)}); name one")
     warning = f"{directory}: no metadata.yaml: the recording was not finished"
     return RunFiles(directory, [_inside(directory, names[0])], warnings=[warning])
+
+
+def _recordings_in(directory: Path) -> list[str]:
+    """The names of MCAP files, in the order of their numbers."""
+    names = [path.name for path in directory.iterdir() if path.name.endswith((".mcap", ".mcap.active"))]
+    return sorted(names, key=lambda name: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)])
 
 
 def _inside(directory: Path, name: str) -> Path:

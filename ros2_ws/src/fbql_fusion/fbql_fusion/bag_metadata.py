@@ -66,6 +66,24 @@ def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
     ]
 
 
+def qos_from_profiles(text: str) -> Qos:
+    """The first of `offered_qos_profiles`, in words (Jazzy) or numbers (before); the ordinary one where it is none."""
+    try:
+        offered: dict[str, Any] = yaml.safe_load(text)[0]
+        return Qos(
+            _word("history", offered),
+            int(offered["depth"]),
+            _word("reliability", offered),
+            _word("durability", offered),
+            _nanoseconds(offered["deadline"]),
+            _nanoseconds(offered["lifespan"]),
+            _word("liveliness", offered),
+            _nanoseconds(offered["liveliness_lease_duration"]),
+        )
+    except (yaml.YAMLError, KeyError, TypeError, ValueError, IndexError):
+        return Qos()
+
+
 def bag_information(
     file_name: str,
     topics: Sequence[BagTopic],
@@ -126,6 +144,25 @@ class _NoAliases(yaml.SafeDumper):
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
+
+
+_WORDS = {
+    "history": ("system_default", "keep_last", "keep_all", "unknown"),
+    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
+    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
+    "liveliness": ("system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown", "best_available"),
+}
+"""The policies of a quality of service in the order of their numbers in rmw."""
+
+
+def _word(policy: str, offered: Mapping[str, Any]) -> str:
+    """A policy in words. Raises KeyError, IndexError or ValueError."""
+    value, words = offered[policy], _WORDS[policy]
+    return words[words.index(value) if isinstance(value, str) else int(value)]
+
+
+def _nanoseconds(value: Mapping[str, int]) -> int:
+    return int(value["sec"]) * 1_000_000_000 + int(value["nsec"])
 
 
 def _duration(nanoseconds: int) -> dict[str, int]:

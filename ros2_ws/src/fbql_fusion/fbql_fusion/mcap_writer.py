@@ -48,10 +48,12 @@ class WriterChannel(NamedTuple):
     schema_text: str
     """The ros2msg definition with its dependencies."""
     metadata: Mapping[str, str]
+    message_encoding: str = "cdr"
+    schema_encoding: str = "ros2msg"
 
 
 class McapWriter:
-    """Writes one MCAP file of CDR messages (profile ros2).
+    """Writes one MCAP file of ROS 2 messages (profile ros2).
 
     Schemas and channels are written before the first chunk and again in the summary, so that one damaged chunk
     never takes them along. Every chunk, the data section and the summary carry a CRC. Each channel counts its
@@ -69,7 +71,7 @@ class McapWriter:
         self._compress = zstandard.ZstdCompressor(level=1).compress
         self._offset = 0
         self._data_crc = 0
-        self._waiting: list[tuple[int, bytes, int]] = []
+        self._waiting: list[tuple[int, bytes, int, int, int | None]] = []
         self._waiting_bytes = 0
         self._counts = [0] * len(channels)
         self._start_ns = 0
@@ -79,13 +81,15 @@ class McapWriter:
         self._metadata_indexes: list[MetadataIndex] = []
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
-        ids: dict[str, int] = {}
+        ids: dict[tuple[str, str, str], int] = {}
         for number, channel in enumerate(channels, start=1):
-            if channel.type_name not in ids:
-                ids[channel.type_name] = len(ids) + 1
+            key = channel.type_name, channel.schema_encoding, channel.schema_text
+            if key not in ids:
+                ids[key] = len(ids) + 1
                 text = channel.schema_text.encode()
-                self._schemas.append(Schema(ids[channel.type_name], text, "ros2msg", channel.type_name))
-            self._channels.append(Channel(number, channel.topic, "cdr", dict(channel.metadata), ids[channel.type_name]))
+                self._schemas.append(Schema(ids[key], text, channel.schema_encoding, channel.type_name))
+            metadata = dict(channel.metadata)
+            self._channels.append(Channel(number, channel.topic, channel.message_encoding, metadata, ids[key]))
         self._put(MCAP0_MAGIC + _bytes_of([Header("ros2", LIBRARY_IDENTIFIER), *self._schemas, *self._channels]))
 
     @property
@@ -108,15 +112,25 @@ class McapWriter:
         """Largest log time in the file [ns]; 0 without messages."""
         return self._end_ns
 
-    def add_message(self, channel: int, data: bytes, log_time_ns: int) -> None:
-        """Adds a message; its publish time is its log time.
+    def add_message(
+        self,
+        channel: int,
+        data: bytes,
+        log_time_ns: int,
+        publish_time_ns: int | None = None,
+        sequence: int | None = None,
+    ) -> None:
+        """Adds a message.
 
         Args:
             channel: index into the channels.
             data: CDR with its encapsulation header.
             log_time_ns: 0 .. 2^64 - 1 [ns].
+            publish_time_ns: the same; the log time unless given.
+            sequence: its number, 0 .. 2^32 - 1; how many the channel has with it unless given.
         """
-        self._waiting.append((channel, data, log_time_ns))
+        publish_time_ns = log_time_ns if publish_time_ns is None else publish_time_ns
+        self._waiting.append((channel, data, log_time_ns, publish_time_ns, sequence))
         self._waiting_bytes += len(data) + _MESSAGE.size
         if self._waiting_bytes >= self._chunk_bytes:
             self.flush()
@@ -128,11 +142,23 @@ class McapWriter:
         self._metadata_indexes.append(MetadataIndex(self._offset, len(record), name))
         self._put(record)
 
-    def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
-        """Adds an Attachment, without a time of its own."""
+    def add_attachment(
+        self, name: str, media_type: str, data: bytes, log_time_ns: int = 0, create_time_ns: int = 0
+    ) -> None:
+        """Adds an Attachment; 0: without that time."""
         self.flush()
-        record = _bytes_of([Attachment(0, 0, name, media_type, data)])
-        self._attachment_indexes.append(AttachmentIndex(self._offset, len(record), 0, 0, len(data), name, media_type))
+        record = _bytes_of([Attachment(create_time_ns, log_time_ns, name, media_type, data)])
+        self._attachment_indexes.append(
+            AttachmentIndex(
+                offset=self._offset,
+                length=len(record),
+                create_time=create_time_ns,
+                log_time=log_time_ns,
+                data_size=len(data),
+                name=name,
+                media_type=media_type,
+            )
+        )
         self._put(record)
 
     def flush(self) -> None:
@@ -145,15 +171,16 @@ class McapWriter:
         entries: list[list[int]] = [[] for _ in counts]
         offset = 0
         head = _MESSAGE.pack
-        for channel, data, time_ns in waiting:
+        for channel, data, time_ns, publish_ns, sequence in waiting:
             counts[channel] += 1
             size = len(data)
-            parts.append(head(Opcode.MESSAGE, size + 22, channel + 1, counts[channel] & 0xFFFFFFFF, time_ns, time_ns))
+            number = counts[channel] & 0xFFFFFFFF if sequence is None else sequence
+            parts.append(head(Opcode.MESSAGE, size + 22, channel + 1, number, time_ns, publish_ns))
             parts.append(data)
             entries[channel] += (time_ns, offset)
             offset += size + 31
         raw = b"".join(parts)
-        times = [time_ns for _, _, time_ns in waiting]
+        times = [time_ns for _, _, time_ns, _, _ in waiting]
         start, end = min(times), max(times)
         packed = self._compress(raw)
         chunk = _bytes_of([Chunk("zstd", packed, end, start, zlib.crc32(raw), len(raw))])

@@ -61,6 +61,12 @@ def type_hash(type_name: str, find_share: FindShare) -> str:
         raise BadInput(f"{path}: no type hash of {type_name} ({error!r}); build the workspace again") from None
 
 
+def essence(schema: str) -> set[str]:
+    """The definitions in a schema without comments and spaces; in which order they follow does not matter."""
+    lines = (" ".join(line.split("#", 1)[0].split()) for line in schema.splitlines())
+    return set("\n".join(line for line in lines if line).split(_SEPARATOR))
+
+
 def _text_of(type_name: str, find_share: FindShare) -> str:
     package, _, short = type_name.split("/")
     path = find_share(package) / "msg" / f"{short}.msg"

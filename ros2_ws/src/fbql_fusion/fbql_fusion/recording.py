@@ -22,6 +22,10 @@ CHUNK_BYTES = 256 * 1024
 """Uncompressed size of a chunk: what a crash loses, unless `flush` is called more often."""
 
 
+BAG_RECORD = "rosbag2"
+"""Metadata record that holds metadata.yaml once more, as rosbag2 has it."""
+
+
 class Channel(NamedTuple):
     """One topic that is recorded."""
 
@@ -42,6 +46,42 @@ class Attachment(NamedTuple):
     name: str
     media_type: str
     data: bytes
+
+
+def finish_bag(
+    writer: McapWriter,
+    fd: int,
+    active_path: Path,
+    path: Path,
+    topics: Sequence[BagTopic],
+    custom_data: Mapping[str, str],
+) -> None:
+    """Finishes a file and makes its directory a bag: the file whole and under its name, then metadata.yaml.
+
+    Args:
+        writer: everything is written to it but its end.
+        fd: the file that it writes to.
+        active_path: the file's name until now.
+        path: its name from now on.
+        topics: what is in it.
+        custom_data: about the run.
+
+    Raises:
+        OSError: it could not be written; it keeps the name it had.
+    """
+    distribution = os.environ.get("ROS_DISTRO", "jazzy")
+    information = bag_information(path.name, topics, writer.start_ns, writer.end_ns, custom_data, distribution)
+    writer.add_metadata(BAG_RECORD, {"serialized_metadata": to_yaml(information)})
+    writer.finish()
+    # Some file systems find out only here that the disk is full.
+    os.fsync(fd)
+    active_path.rename(path)
+    metadata = to_yaml({"rosbag2_bagfile_information": information})
+    try:
+        write_atomically(path.with_name("metadata.yaml"), metadata.encode())
+    except OSError:
+        path.rename(active_path)
+        raise
 
 
 class Recorder:
@@ -175,31 +215,13 @@ class Recorder:
             os.close(self._fd)
 
     def _finish(self, attachments: Sequence[Attachment]) -> None:
-        writer = self._writer
-        writer.flush()
+        self._writer.flush()
         self._attach(attachments)
-        information = bag_information(
-            self.path.name,
-            [
-                BagTopic(channel.topic, channel.type_name, channel.type_hash, channel.qos, count)
-                for channel, count in zip(self._channels, writer.counts, strict=True)
-            ],
-            writer.start_ns,
-            writer.end_ns,
-            self._custom_data,
-            os.environ.get("ROS_DISTRO", "jazzy"),
-        )
-        writer.add_metadata("rosbag2", {"serialized_metadata": to_yaml(information)})
-        writer.finish()
-        # Some file systems find out only here that the disk is full.
-        os.fsync(self._fd)
-        self.active_path.rename(self.path)
-        metadata = to_yaml({"rosbag2_bagfile_information": information})
-        try:
-            write_atomically(self.path.with_name("metadata.yaml"), metadata.encode())
-        except OSError:
-            self.path.rename(self.active_path)
-            raise
+        topics = [
+            BagTopic(channel.topic, channel.type_name, channel.type_hash, channel.qos, count)
+            for channel, count in zip(self._channels, self._writer.counts, strict=True)
+        ]
+        finish_bag(self._writer, self._fd, self.active_path, self.path, topics, self._custom_data)
 
     def _attach(self, attachments: Sequence[Attachment]) -> None:
         for attachment in attachments:

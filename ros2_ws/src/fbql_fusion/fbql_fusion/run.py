@@ -71,7 +71,7 @@ class Run:
             if parameters.policy:
                 attachments.append(Attachment(POLICY_BEFORE, _NPZ, Path(parameters.policy).read_bytes()))
             self._recorder = Recorder(
-                self.path, _channels(session.behaviors, resolve), _custom_data(config), attachments, report
+                self.path, _channels(session.behaviors, resolve), custom_data(config), attachments, report
             )
 
     def record(self, stamp_ns: int, world: bytes, outputs: Sequence[bytes], command: bytes, decision: bytes) -> None:
@@ -195,7 +195,8 @@ def _observations(config: Mapping[str, Any]) -> list[Attachment]:
         raise BadInput(f"{error.filename}: the observation can't be recorded ({error.strerror})") from None
 
 
-def _custom_data(config: Mapping[str, Any]) -> dict[str, str]:
+def custom_data(config: Mapping[str, Any]) -> dict[str, str]:
+    """What a recording says about its run, from the run's configuration."""
     fusion = config["parameters"]["fusion"]
     return {
         "controller": str(fusion["controller"]),

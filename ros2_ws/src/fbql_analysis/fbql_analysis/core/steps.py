@@ -34,12 +34,14 @@ class Step(NamedTuple):
     decision: Decision | None
     begins_again: bool = False
     """Whether fusion began the episode again with this step, because the world was lost."""
+    after_gap: bool = False
+    """Whether steps may be missing between the one before and this, which damage took."""
 
 
 class StepData:
     """The same, as the bytes that were recorded; b"" where nothing was."""
 
-    __slots__ = ("begins_again", "data", "episode", "missing", "stamp_ns", "step")
+    __slots__ = ("after_gap", "begins_again", "data", "episode", "missing", "stamp_ns", "step")
 
     def __init__(self, key: Key, messages: int) -> None:
         self.stamp_ns, self.episode, self.step = key
@@ -48,6 +50,8 @@ class StepData:
         self.missing = messages
         self.begins_again = False
         """Whether fusion began the episode again with this step, because the world was lost."""
+        self.after_gap = False
+        """Whether steps may be missing between the one before and this, which damage took."""
 
 
 def key_of(data: bytes) -> Key | None:
@@ -75,7 +79,7 @@ class StepJoin:
         self._pending: dict[Key, StepData] = {}
         self._done: deque[Key] = deque(maxlen=_REMEMBERED)
         self._done_set: set[Key] = set()
-        self._begins_again = False
+        self._begins_again = self._after_gap = False
 
     def add(self, place: int, key: Key, data: bytes) -> None:
         """Adds a message; `place` is its index in `StepData.data`."""
@@ -85,19 +89,21 @@ class StepJoin:
                 self.repeated += 1
                 return
             step = self._pending[key] = StepData(key, self._messages)
-            step.begins_again, self._begins_again = self._begins_again, False
+            step.begins_again, step.after_gap = self._begins_again, self._after_gap
+            self._begins_again = self._after_gap = False
         if step.data[place]:
             self.repeated += 1
             return
         step.data[place] = data
         step.missing -= 1
 
-    def begin_again(self) -> Iterator[StepData]:
-        """The next step begins its episode again: gives out all steps, and forgets which have been."""
-        yield from self.rest()
-        self._done.clear()
-        self._done_set.clear()
-        self._begins_again = True
+    def mark_next(self, *, begins_again: bool, after_gap: bool) -> None:
+        """The next step begins its episode again, or comes after a gap. All steps before it have to be out (`rest`)."""
+        self._begins_again |= begins_again
+        self._after_gap |= after_gap
+        if begins_again:
+            self._done.clear()
+            self._done_set.clear()
 
     def ready(self) -> Iterator[StepData]:
         """The steps that are ready."""
