@@ -1,0 +1,90 @@
+"""docs/trees.md tells what the studies of trees and of leaf tuning found, and what the commands that it names print."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fbql_behaviors.core.induction import induce
+from fbql_behaviors.core.observation import OBSERVATIONS
+from fbql_behaviors.core.patterns import Patterns, patterns_of
+from fbql_behaviors.core.recipes import RECIPES
+from launcher.instruct import instruct
+from launcher.make_trees import DEMONSTRATION_SEED, INDUCTION_SEED
+from studies.tree_methods import FAMILIES
+from studies.tree_play import FIXED_ONLY, SETTINGS
+from studies.tree_words import SHOWN
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+SEEDS = {"trees": 10}
+"""Study -> seeds that it must have at least."""
+
+
+@cache
+def generator() -> dict[str, Any]:
+    return runpy.run_path(str(DOCS / "make_tables.py"))
+
+
+def page() -> str:
+    return (DOCS / "trees.md").read_text()
+
+
+def data(study: str) -> dict[str, Any]:
+    return json.loads((DOCS / "data" / f"{study}.json").read_text())
+
+
+def test_the_tables_are_what_their_generator_writes() -> None:
+    assert generator()["page"](page()) == page(), (
+        "in the environment (source scripts/env.sh) run `python docs/make_tables.py`"
+    )
+
+
+def test_no_table_of_a_study_is_missing_from_the_page() -> None:
+    told = [(study, title) for _, study, title, _ in generator()["PLACE"].findall(page())]
+    made = [(study, title) for study in SEEDS for title in generator()["TABLES"][study](data(study)["table"])]
+    assert sorted(told) == sorted(made)
+
+
+@pytest.mark.parametrize("study", SEEDS)
+def test_the_data_are_of_a_whole_study_and_name_no_place_of_a_machine(study: str) -> None:
+    found = data(study)
+    assert (found["done"], found["failed"]) == (found["tasks"], {})
+    assert found["options"]["seeds"] >= SEEDS[study]
+    assert not re.search(r'"[^"]*(/tmp|/home|/root|/work)', json.dumps(found))
+
+
+def test_the_data_of_trees_hold_every_method_behavior_and_setting_over_every_seed() -> None:
+    rows = data("trees")["table"]
+    methods = {method for family in FAMILIES.values() for method in family}
+    made = {(row["method"], row["behavior"]): row["n"] for row in rows if "rmse_levels" in row}
+    assert set(made) == {(method, behavior) for method in methods for behavior in RECIPES}
+    played = {(row["method"], row["thresholds"]): row["n"] for row in rows if "thresholds" in row}
+    assert {method for method, name in played if name in FIXED_ONLY} == methods
+    assert {(method, name) for method in SHOWN for name in SETTINGS} - set(played) == {("one leaf", "re-tuned")}
+    assert min(*made.values(), *played.values()) >= SEEDS["trees"]
+
+
+@cache
+def patterns() -> Patterns:
+    recipe = RECIPES["ball_seeking"]
+    demonstrations = instruct("ball_seeking", DEMONSTRATION_SEED, recipe.demonstrations, recipe.steps)
+    return patterns_of(demonstrations, OBSERVATIONS["ball_seeking"], recipe.every, recipe.patterns)
+
+
+def test_the_values_that_eq_4_as_printed_leads_to_are_as_told() -> None:
+    told = re.findall(r"^\| (\d+) \| ([\d.]+), (\d+) \| ([\d.]+), (\d+) \|$", page(), flags=re.MULTILINE)
+    assert [row[0] for row in told] == ["5", "20", "50", "200"]
+    printed = replace(RECIPES["ball_seeking"].printed, optimism=0.0, epsilon_start=1.0, epsilon_end=0.0)
+    for trials, *cells in told:
+        for update, value, leaves in (("printed", *cells[:2]), ("converging", *cells[2:])):
+            parameters = replace(printed, trials=int(trials), update=update)
+            found = induce("ball_seeking", patterns(), parameters, INDUCTION_SEED)
+            assert (f"{found.value:.3g}", found.tree.leaf_count) == (f"{float(value):.3g}", int(leaves))
+    exact = induce("ball_seeking", patterns(), replace(printed, method="dp"), INDUCTION_SEED).value
+    assert f"whose exact value is {exact:.4f} nat" in " ".join(page().split())
