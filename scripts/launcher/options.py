@@ -48,8 +48,10 @@ def match_parser(program: str, description: str) -> Parser:
     """A parser with the options that every way of playing a match has."""
     parser = Parser(prog=program, description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
     play = parser.add_argument_group("what is played")
-    play.add_argument("--controller", choices=CONTROLLERS, default="subsumption", help="who fuses the behaviors")
-    play.add_argument("--preset", choices=tuple(PRESETS), default="tuned", help="thresholds of Subsumption")
+    play.add_argument(
+        "--controller", choices=CONTROLLERS, help="who fuses the behaviors (fbql; with --preset alone, subsumption)"
+    )
+    play.add_argument("--preset", choices=tuple(PRESETS), help="thresholds of Subsumption (tuned)")
     play.add_argument("--episodes", type=int, metavar="N", help="end after N episodes, guided ones not counted")
     play.add_argument("--goals", type=int, metavar="N", help=f"end after N goals (without --episodes: {DEFAULT_GOALS})")
     play.add_argument(
@@ -67,7 +69,12 @@ def match_parser(program: str, description: str) -> Parser:
     play.add_argument(
         "--learn", action=argparse.BooleanOptionalAction, default=True, help="go on learning, where the controller can"
     )
-    play.add_argument("--policy", type=Path, metavar="FILE", help="policy.npz of an earlier run to start from")
+    play.add_argument(
+        "--policy",
+        metavar="FILE",
+        help="policy.npz of an earlier run to start from, or none; without it fbql starts from the policy that ships, "
+        "unless it has other behaviors or trees or is to be guided",
+    )
     play.add_argument(
         "--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior (the trees that ship)"
     )
@@ -100,8 +107,8 @@ def match_from(arguments: argparse.Namespace, program: str) -> Match:
         if getattr(arguments, option) is not None and getattr(arguments, option) < 1:
             raise BadInput(f"{program}: --{option} is {getattr(arguments, option)}; it must be 1 or more")
     values: dict[str, Any] = {
-        "controller": arguments.controller,
-        "preset": arguments.preset,
+        "controller": arguments.controller or ("subsumption" if arguments.preset else "fbql"),
+        "preset": arguments.preset or "tuned",
         "episodes": arguments.episodes or 0,
         "goals": goals,
         "seed": arguments.seed,
@@ -114,13 +121,14 @@ def match_from(arguments: argparse.Namespace, program: str) -> Match:
         _add_setting(setting, values, simulation, program)
     fusion = from_mapping(FusionParameters, values, program)
     check_fusion(fusion, program)
+    shipped = fusion.controller == "fbql" and fusion.guided <= 0 and arguments.trees is None
     for name in RESERVED_NAMES & set(fusion.behaviors):
         raise BadInput(f"{program}: parameter 'behaviors' has '{name}', which is the name of another node")
     return Match(
         fusion=fusion,
         simulation=from_mapping(SimulationParameters, simulation, program),
         behaviors={name: _tree_file(name, arguments.trees, program) for name in fusion.behaviors},
-        policy=_existing(arguments.policy, program),
+        policy=_policy(arguments.policy, program, shipped and fusion.behaviors == FusionParameters().behaviors),
         out=_out(arguments.out, fusion),
         json=arguments.json,
         observations=know_observations(arguments.observation),
@@ -165,10 +173,23 @@ def shipped_trees() -> Path:
     return Path(get_package_share_directory("fbql_behaviors")) / "trees"
 
 
-def _existing(path: Path | None, program: str) -> Path | None:
-    if path is not None and not path.is_file():
+def shipped_policy() -> Path:
+    """The policy that ships with fbql_fusion: of fbql, for the trees that ship (`train.py` makes it; see its README)."""
+    from ament_index_python.packages import get_package_share_directory
+
+    return Path(get_package_share_directory("fbql_fusion")) / "policies" / "fbql.npz"
+
+
+def _policy(given: str | None, program: str, shipped: bool) -> Path | None:
+    """The policy file to start from, if any."""
+    if given is None:
+        return shipped_policy() if shipped else None
+    if given == "none":
+        return None
+    path = Path(given)
+    if not path.is_file():
         raise BadInput(f"{program}: --policy {path}: no such file")
-    return None if path is None else path.resolve()
+    return path.resolve()
 
 
 def _out(out: Path | None, fusion: FusionParameters) -> Path:

@@ -63,9 +63,9 @@ def next_steps(summary: Mapping[str, Any], run: Path) -> str:
             "go on with what was learned",
         )
     elif summary["controller"] == "subsumption":
-        other = f"{bringup} --controller fbql_literal --episodes 30", "the same behaviors, fused by learning"
+        other = bringup, "the same behaviors, fused by what was learned"
     else:
-        other = bringup, "the same behaviors, by priorities instead"
+        other = f"{bringup} --controller subsumption", "the same behaviors, by priorities instead"
     steps = [other, (f"{bringup} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
     if summary["messages_recorded"] and not summary["incomplete"]:
         steps.append((f"ros2 bag info {run}", f"what was recorded; Foxglove opens {run.name}_0.mcap in there"))

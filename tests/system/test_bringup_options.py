@@ -45,7 +45,9 @@ def test_without_recording_there_is_a_result_and_no_recording(start: Start) -> N
     run = well_ended(start(*ONE, "--episodes", "1", "--max-steps", "30", "--no-record"))
     summary = summary_of(run.out)
     assert (summary["steps"], summary["messages_recorded"], summary["incomplete"]) == (30, 0, False)
-    assert {path.name for path in run.out.iterdir()} == {"config.yaml", "episodes.csv", "log", "summary.json", "trees"}
+    assert {path.name for path in run.out.iterdir()} == {
+        *("config.yaml", "episodes.csv", "log", "summary.json", "trees", "policy.npz"),
+    }
 
 
 def test_guided_episodes_come_first_are_listed_and_not_counted(start: Start) -> None:
@@ -85,7 +87,7 @@ def test_a_learned_policy_is_played_on_and_frozen_on_request(start: Start, tmp_p
 
 
 def test_the_presets_are_other_thresholds(start: Start) -> None:
-    match = ("--episodes", "1", "--max-steps", "300", "--seed", "2", "--json")
+    match = ("--episodes", "1", "--max-steps", "300", "--seed", "2", "--json", "--controller", "subsumption")
     paper = start(*ONE, *match, "--preset", "paper")
     spelled = start(*match, "--set", "wall_threshold_m=0.07", "--set", "approach_threshold_rad=2.2", script="train.py")
     tuned = start(*match, script="train.py")
@@ -137,7 +139,7 @@ def test_some_of_the_behaviors_can_play_and_a_tree_can_have_a_name_of_its_own(st
 def test_the_run_is_named_after_time_controller_and_seed_unless_told(start: Start) -> None:
     run = start("--episodes", "1", "--max-steps", "30", "--seed", "718281", "--json", out=False, script="train.py")
     assert run.exit_code() == 0, run.stderr
-    made = max((ROOT / "runs").glob("*-subsumption-s718281"), key=lambda path: path.stat().st_mtime_ns)
+    made = max((ROOT / "runs").glob("*-fbql-s718281"), key=lambda path: path.stat().st_mtime_ns)
     try:
         assert summary_of(made) == json.loads(run.stdout)
     finally:
@@ -206,7 +208,8 @@ def test_a_policy_file_that_is_none_is_refused(start: Start, tmp_path: Path) -> 
 def test_a_policy_that_does_not_fit_is_refused(start: Start, tmp_path: Path) -> None:
     learned = start(*LITERAL, "--guided", "1", "--episodes", "1", "--max-steps", "30", script="train.py")
     policy = ("--policy", str(well_ended(learned).out / "policy.npz"))
-    refused(start(*policy), "controller 'subsumption' takes no policy")
+    refused(start(*policy, "--controller", "subsumption"), "controller 'subsumption' takes no policy")
+    refused(start(*policy), "controller 'fbql_literal', not of 'fbql'")
     trees = tmp_path / "trees"
     shutil.copytree(TREES, trees)
     tree = load_tree(trees / "wall_avoiding.json")

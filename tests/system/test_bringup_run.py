@@ -89,13 +89,13 @@ def test_three_episodes_are_played_and_every_message_of_every_step_is_recorded(s
     assert summary["steps"] > 100
     assert summary["messages_recorded"] == 6 * (summary["steps"] + 3) >= 5 * summary["steps"]
     assert summary["steps_per_s"] == pytest.approx(summary["steps"] / summary["wall_s"])
-    assert (summary["controller"], summary["seed"], summary["incomplete"]) == ("subsumption", 7, False)
+    assert (summary["controller"], summary["seed"], summary["incomplete"]) == ("fbql", 7, False)
 
 
 def test_the_run_directory_is_complete(run: Run) -> None:
     names = {path.name for path in run.out.iterdir()}
     assert names == {
-        *("metadata.yaml", "run_0.mcap", "config.yaml", "summary.json", "episodes.csv"),
+        *("metadata.yaml", "run_0.mcap", "config.yaml", "summary.json", "episodes.csv", "policy.npz"),
         *("trees", "log"),
     }
     shipped = ROOT / "ros2_ws/src/fbql_behaviors/trees"
@@ -109,7 +109,7 @@ def test_each_episode_has_a_row_and_the_rows_add_up_to_the_summary(run: Run, sum
     rows = episodes_of(run.out)
     assert list(rows[0]) == list(EPISODE_COLUMNS)
     assert [row["index"] for row in rows] == ["0", "1", "2"]
-    assert {row["phase"] for row in rows} == {"evaluation"}
+    assert {row["phase"] for row in rows} == {"learning"}
     assert len({row["seed"] for row in rows}) == 3
     assert sum(int(row["steps"]) for row in rows) == summary["steps"]
     assert sum(int(row["collisions_begun"]) for row in rows) == summary["collisions_begun"]

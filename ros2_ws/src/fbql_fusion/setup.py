@@ -19,6 +19,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
+        (f"share/{name}/policies", ["policies/fbql.npz"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,

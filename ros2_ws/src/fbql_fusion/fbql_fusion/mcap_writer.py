@@ -56,7 +56,8 @@ class McapWriter:
     """Writes one MCAP file of ROS 2 messages (profile ros2).
 
     Schemas and channels are written before the first chunk and again in the summary, so that one damaged chunk
-    never takes them along. Every chunk, the data section and the summary carry a CRC. Each channel counts its
+    never takes them along. Every chunk, the data section and the summary carry a CRC; so that one covers schemas and
+    channels also in a file that never got its end, they stand in the first chunk as well. Each channel counts its
     messages (sequence, from 1), so that a reader of a damaged file can tell how many are missing.
 
     Args:
@@ -90,7 +91,9 @@ class McapWriter:
                 self._schemas.append(Schema(ids[key], text, channel.schema_encoding, channel.type_name))
             metadata = dict(channel.metadata)
             self._channels.append(Channel(number, channel.topic, channel.message_encoding, metadata, ids[key]))
-        self._put(MCAP0_MAGIC + _bytes_of([Header("ros2", LIBRARY_IDENTIFIER), *self._schemas, *self._channels]))
+        self._described = _bytes_of([*self._schemas, *self._channels])
+        """What the first chunk begins with; nothing for the others."""
+        self._put(MCAP0_MAGIC + _bytes_of([Header("ros2", LIBRARY_IDENTIFIER)]) + self._described)
 
     @property
     def counts(self) -> list[int]:
@@ -167,9 +170,9 @@ class McapWriter:
             return
         waiting, self._waiting, self._waiting_bytes = self._waiting, [], 0
         counts = list(self._counts)
-        parts: list[bytes] = []
+        parts: list[bytes] = [self._described]
         entries: list[list[int]] = [[] for _ in counts]
-        offset = 0
+        offset = len(self._described)
         head = _MESSAGE.pack
         for channel, data, time_ns, publish_ns, sequence in waiting:
             counts[channel] += 1
@@ -207,6 +210,7 @@ class McapWriter:
         )
         self._put(b"".join([chunk, *indexes]))
         # Only now are the messages in the file.
+        self._described = b""
         self._start_ns = min(self._start_ns, start) if self._chunk_indexes else start
         self._end_ns = max(self._end_ns, end)
         self._chunk_indexes.append(chunk_index)
