@@ -5,30 +5,25 @@ from __future__ import annotations
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from fbql_analysis import Topic, open_run
 from fbql_analysis.run_files import RunFiles, find_damaged_files
 from fbql_analysis.salvage import Loss, SoundMessage, Survey
 from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import COMPLETE, GAP_RECORD, LOST, RECOVERY_RECORD, RUN_RECORD
-from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
-from fbql_common.wire import type_name
 from fbql_fusion.bag_metadata import BagTopic, qos_from_profiles
 from fbql_fusion.mcap_writer import McapWriter, WriterChannel
-from fbql_fusion.message_definitions import essence, schema_text, type_hash
 from fbql_fusion.recording import BAG_RECORD, CHUNK_BYTES, finish_bag
 from fbql_fusion.run_directory import create_run_directory
 from mcap.records import Attachment
 
 from launcher.recovered_files import RunDirectoryFiles
 
-_KINDS = (World, BehaviorOutput, WheelCommand, Decision)
 _HASH, _PROFILES = "topic_type_hash", "offered_qos_profiles"
 
 
@@ -178,7 +173,6 @@ class _Writing:
     def _describe(self) -> None:
         done = self._done
         several = len(self._surveys) > 1
-        known = _installed()
         expected = _expected(self._files) if not several else {}
         for survey in self._surveys:
             name = survey.path.name
@@ -195,20 +189,10 @@ class _Writing:
                 done.cut_off.append(name)
             places: dict[int, int] = {}
             for channel, topic in survey.topics.items():
-                if not survey.has_checked_descriptions:
-                    topic = self._mended(topic, known, name)
                 if topic not in self._topics:
                     self._topics.append(topic)
                 places[channel] = self._topics.index(topic)
             self._places.append(places)
-
-    def _mended(self, topic: Topic, known: Mapping[str, tuple[str, str]], name: str) -> Topic:
-        """A topic that no CRC covers, its definition as it is installed where the hash of its type is that of it."""
-        type_name, text = known.get(topic.metadata.get(_HASH, ""), (topic.type_name, topic.schema))
-        if type_name == topic.type_name and essence(text) == essence(topic.schema):
-            return topic
-        self._done.notes.append(f"{name}: the definition of {topic.name} is damaged; that of {type_name} is taken")
-        return Topic(topic.name, type_name, text, topic.metadata, topic.message_encoding, topic.schema_encoding)
 
     # What is written
 
@@ -302,20 +286,6 @@ def _channel(topic: Topic) -> WriterChannel:
 def _words_of(loss: Loss) -> dict[str, str]:
     times = {"start_ns": loss.start_ns, "end_ns": loss.end_ns}
     return {"why": loss.why, **{name: str(value) for name, value in times.items() if value is not None}}
-
-
-def _installed() -> dict[str, tuple[str, str]]:
-    """Our message types as they are installed: hash -> name and definition."""
-    found: dict[str, tuple[str, str]] = {}
-    with suppress(PackageNotFoundError):
-        for kind in _KINDS:
-            name = type_name(kind)
-            found[type_hash(name, _share)] = name, schema_text(name, _share)
-    return found
-
-
-def _share(package: str) -> Path:
-    return Path(get_package_share_directory(package))
 
 
 def _expected(files: RunFiles) -> dict[str, int]:

@@ -137,8 +137,6 @@ class Survey:
         """Chunks, and messages outside of chunks, that have no CRC: whether they are sound can't be told."""
         self.has_end = False
         """Whether the file goes on to the end of its data."""
-        self.has_checked_descriptions = False
-        """Whether a CRC covers the definitions and names of all topics."""
         self._progress = progress
         self._places: list[_Place] = []
         self._descriptions = Descriptions()
@@ -469,7 +467,6 @@ class Survey:
                 self._descriptions.add(record, True)
             if summary.channels:
                 all_channels = {channel.id for channel in summary.channels}
-        self.has_checked_descriptions = all_channels is not None or data_is_sound is True
         self.topics = self._descriptions.topics(data_is_sound is True, all_channels)
         self.notes += self._descriptions.notes
         if self._profile not in PROFILES:

@@ -44,6 +44,8 @@ class Descriptions:
         for number, channel in channels.items():
             if all_there_are is not None and number not in all_there_are:
                 self.notes.append(f"channel {number} is none of those that the summary tells of; it is left out")
+            elif channel is not None and channel.topic in self._sound_under_another_number(number):
+                self.notes.append(f"the number of a copy of topic {channel.topic} is damaged")
             elif channel is None:
                 self.lost[number] = f"channel {number} is described twice, and differently"
             elif channel.schema_id == 0:
@@ -55,6 +57,13 @@ class Descriptions:
                 else:
                     self.lost[number] = topic
         return found
+
+    def _sound_under_another_number(self, number: int) -> set[str]:
+        """Topics of channels that a CRC covers, where none covers channel `number`."""
+        sound = {
+            other: {copy.topic for copy, is_sound in copies if is_sound} for other, copies in self._channels.items()
+        }
+        return set() if sound[number] else set[str]().union(*sound.values())
 
     def _one[Record: (Schema, Channel)](self, copies: list[tuple[Record, bool]], data_is_sound: bool) -> Record | None:
         sound = [record for record, is_sound in copies if is_sound or data_is_sound]
