@@ -1,0 +1,11 @@
+"""Compare recorded runs: seeds of one kind together, different controllers, trees and parameters side by side."""
+
+import os
+import sys
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120 - Python 2 gets as far as here
+
+from environment import enter
+
+if __name__ == "__main__":
+    enter("compare")
