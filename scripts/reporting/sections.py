@@ -46,14 +46,14 @@ def tiles(contents: Contents) -> str:
     steps = sum(episode.steps for episode in episodes)
     guided = len(contents.episodes) - len(episodes)
     values = [
-        ("episodes", f"{len(episodes)}", f"and {guided} guided, which do not count" if guided else ""),
+        ("episodes", f"{len(episodes)}", f"and {guided} guided, not counted" if guided else ""),
         ("goals", f"{goals}", _share(goals, len(episodes))),
         ("own goals", f"{outcomes.count('own_goal')}", ""),
         ("time limits", f"{outcomes.count('timeout')}", ""),
         (
-            "steps a goal cost",
+            "steps a goal",
             f"{steps / goals:.0f}" if goals else NOT_AVAILABLE,
-            "steps of all episodes, for each goal",
+            "of all episodes",
         ),
         ("collisions", _sum(episode.collisions_begun for episode in episodes), "with a wall"),
     ]

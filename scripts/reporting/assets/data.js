@@ -88,8 +88,8 @@ function number(number, digits) {
   return number < 0 && Number(text) !== 0 ? `−${text}` : text;
 }
 
-/** Seven digits at most, for what may be of any size. */
-function brief(number) {
+/** So many digits at most, for what may be of any size. */
+function brief(number, digits = 7) {
   if (number === null) return "n/a";
-  return Number.isFinite(number) ? String(Number(number.toPrecision(6))).replace("-", "−") : "too large";
+  return Number.isFinite(number) ? String(Number(number.toPrecision(digits))).replace("-", "−") : "too large";
 }

@@ -46,7 +46,7 @@ class Strip {
       pen.fillStyle = colours.line;
       pen.fillRect(LEFT, Math.round(this.y(tick)), this.inner, 1);
       pen.fillStyle = colours.quiet;
-      pen.fillText(brief(tick), LEFT - 6, this.y(tick));
+      pen.fillText(brief(tick, 3), LEFT - 6, this.y(tick));
     }
   }
 
