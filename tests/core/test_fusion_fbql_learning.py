@@ -21,7 +21,7 @@ from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session, episode_seed
 from fbql_fusion.policy_storage import load_policy, save_policy
 from numpy.typing import NDArray
-from two_sides import BEHAVIORS, DOWN, UP, Answers, TwoSides, answer, goals, parameters, play, world_state
+from two_sides import BEHAVIORS, DOWN, UP, Answers, Heard, TwoSides, answer, goals, parameters, play, world_state
 
 Arrays = dict[str, NDArray[Any]]
 SEEDS = pytest.mark.parametrize("seed", [1, 2, 3])
@@ -41,6 +41,14 @@ def equal(one: Arrays, other: Arrays) -> bool:
 
 def arrays_of(session: Session) -> Arrays:
     return dict(learned(session).arrays)
+
+
+def anywhere(seed: int) -> Heard:
+    """Lets the behaviors sense something else at every step: nothing that was ever met."""
+    rng = np.random.default_rng(seed)
+    return lambda _, answers: [
+        x and x._replace(observation=tuple(rng.random(len(x.observation)).tolist())) for x in answers
+    ]
 
 
 # It learns
@@ -119,7 +127,7 @@ def test_without_learning_nothing_changes_but_the_generator_where_is_drawn(
     play(session, 40)
     before = arrays_of(session)
     frozen = Session(parameters(seed=2, learn=False, guided=guided, fbql_play=play_, fbql_patience=0), learned(session))
-    play(frozen, 12)
+    play(frozen, 12, anywhere(0))
     after = arrays_of(frozen)
     drawn = draws or guided > 0
     assert np.array_equal(before.pop("generator"), after.pop("generator")) != drawn
@@ -211,20 +219,29 @@ def test_before_there_are_features_a_policy_is_a_beginning() -> None:
 
 def test_more_features_than_a_table_has_rows_make_it_longer() -> None:
     """Ten tiles along each component and random situations: every one of them is new."""
-    rng = np.random.default_rng(0)
     session = Session(
         parameters(
             fbql_hold_steps=1, fbql_pair_tilings=32, fbql_pair_tiles=64, fbql_joint_tilings=32, fbql_joint_tiles=64
         )
     )
-
-    def anywhere(_: World, answers: Answers) -> Answers:
-        return [x and x._replace(observation=tuple(rng.random(len(x.observation)).tolist())) for x in answers]
-
-    play(session, 40, anywhere)
+    play(session, 40, anywhere(0))
     arrays = arrays_of(session)
     assert len(arrays["keys"]) == len(arrays["theta"]) == len(arrays["value"]) == len(arrays["mean"]) > 2**14
     assert np.abs(arrays["theta"][2**14 :]).max() > 0.0
+
+
+@pytest.mark.parametrize(("horizon", "share"), [(10**6, 1.0), (40, 1.0), (27, 14 / 27), (20, 0.1), (1, 0.1)])
+def test_the_rate_falls_after_half_of_the_horizon_to_a_tenth(horizon: int, share: float) -> None:
+    """The first batch is of 20 episodes: it is learned from as at the rate that the horizon leaves by then."""
+
+    def theta(**changes: Any) -> NDArray[Any]:
+        session = Session(parameters(seed=1, **changes))
+        play(session, 21)
+        return arrays_of(session)["theta"]
+
+    expected = theta(fbql_rate=0.1 * share, fbql_horizon=10**6)
+    assert np.abs(expected).max() > 0.01
+    assert theta(fbql_rate=0.1, fbql_horizon=horizon) == pytest.approx(expected, abs=1e-9)
 
 
 # What it plays
@@ -283,6 +300,33 @@ def test_held_is_whose_weight_is_the_largest_and_blended_are_all_of_them() -> No
         ((driver, alone), *_) = stay(frozen(policy, fbql_play="held"), 4, lambda _, x=leaves: x)
         assert driver == weights.index(max(weights))
         assert alone[driver] == 1.0
+
+
+@pytest.mark.parametrize("averaged", [0, 1])
+def test_what_is_frozen_plays_by_the_mean_as_soon_as_there_is_one(averaged: int) -> None:
+    policy = trained()
+    opposite = {"mean": -policy.arrays["theta"], "counts": np.array([*policy.arrays["counts"][:2], averaged])}
+    other = policy._replace(arrays={**policy.arrays, **opposite})
+    ((_, weights), *_) = stay(frozen(policy, fbql_play="blended"), 1)
+    ((_, found), *_) = stay(frozen(other, fbql_play="blended"), 1)
+    assert abs(weights[UP] - weights[DOWN]) > 0.01
+    assert found == pytest.approx(weights[::-1] if averaged else weights)
+
+
+def test_the_mean_is_of_thetas_after_two_thirds_of_the_horizon() -> None:
+    """Played up to there, and one batch further each time."""
+    thetas: list[NDArray[Any]] = []
+    session = Session(parameters(seed=1, fbql_horizon=60, fbql_batch_episodes=4))
+    while len(session.records) < 52:
+        play(session, 4)
+        if len(session.records) >= 40:
+            thetas.append(arrays_of(session)["theta"])
+    arrays = arrays_of(session)
+    assert arrays["counts"].tolist()[2] == len(thetas) == 4
+    expected = np.zeros_like(arrays["theta"])
+    for theta in thetas:
+        expected[: len(theta)] += theta / 4
+    assert arrays["mean"] == pytest.approx(expected, abs=1e-12)
 
 
 def test_drawn_is_by_the_weights() -> None:
