@@ -77,7 +77,6 @@ def test_constant_weights_are_tried_on_a_whole_grid_of_the_simplex() -> None:
 def test_constant_weights_are_the_best_of_the_training_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("studies.paper.WALL_M", (0.07,))
     monkeypatch.setattr("studies.paper.APPROACH_RAD", (0.15,))
-    monkeypatch.setattr("studies.paper.TUNING_EPISODES", 1)
     monkeypatch.setattr("peers.controls.GRID", 1)
     controls = Controls(shipped_behaviors(), budget=1)
     assert controls.thresholds == (0.07, 0.15)

@@ -55,7 +55,6 @@ def short(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(Seeds, "behaviors", lambda _seeds, _set: shipped())
     monkeypatch.setattr(paper, "WALL_M", (0.07,))
     monkeypatch.setattr(paper, "APPROACH_RAD", (0.15,))
-    monkeypatch.setattr(paper, "TUNING_EPISODES", 1)
     yield
 
 
@@ -328,7 +327,7 @@ def test_weight_maps_hold_the_weights_of_every_place_and_of_nothing_learned_equa
 def test_one_worker_and_two_give_the_same_results_and_a_run_goes_on_where_one_was_stopped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["ladder", *TINY, "--max-steps", "40", "--json", "--out"]
+    arguments = ["ladder", *TINY, "--max-steps", "5", "--json", "--out"]
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     try:
         for name, jobs in (("one", "1"), ("two", "2")):
@@ -350,6 +349,21 @@ def test_one_worker_and_two_give_the_same_results_and_a_run_goes_on_where_one_wa
     for table in tables:
         assert table[-1].pop("training_s") > 0.0
     assert tables[0] == tables[1] == tables[2]
+
+
+def test_thresholds_are_chosen_in_rounds_that_the_cheapest_go_on_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = {(0.0, 0.0): (1.0, 9.0), (0.0, 1.0): (2.0, 5.0), (0.1, 0.0): (3.0, 4.0), (0.1, 1.0): (4.0, 0.0)}
+    asked: list[tuple[tuple[float, float], int]] = []
+
+    def cost(pair: tuple[float, float], _behaviors: object, _loop: object, episodes: int) -> float:
+        asked.append((pair, episodes))
+        return known[pair][episodes // 100]
+
+    for name, value in {"WALL_M": (0.0, 0.1), "APPROACH_RAD": (0.0, 1.0), "_cost_with": cost}.items():
+        monkeypatch.setattr(paper, name, value)
+    monkeypatch.setattr(paper, "TUNING_ROUNDS", ((30, 3), (100, 1)))
+    assert paper.retuned([], WorldLoop()) == (0.1, 0.0)
+    assert [episodes for _, episodes in asked] == [30] * 4 + [100] * 3
 
 
 def kept(directory: Path) -> dict[str, Any]:
