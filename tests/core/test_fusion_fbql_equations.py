@@ -1,4 +1,4 @@
-"""Equations 7 to 12: numbers computed by hand, and slow literal oracles in plain Python."""
+"""Equations 10 to 15: numbers computed by hand, and slow literal oracles in plain Python."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def gradient(value: Callable[[list[float]], float], at: Sequence[float]) -> list
     return found
 
 
-# Eq. 7
+# Eq. 10
 
 
 def test_preferences_are_the_sums_over_the_active_features() -> None:
@@ -76,7 +76,7 @@ def test_the_weights_of_many_decisions_are_those_of_each(n: int, features: int, 
         assert weights == pytest.approx(eq.softmax(eq.preferences(theta, row)), abs=1e-14)
 
 
-# Eqs. 9 and 10
+# Eqs. 12 and 13
 
 
 def test_advantage_is_the_surprise_and_a_fading_share_of_later_surprises() -> None:
@@ -143,7 +143,7 @@ def test_where_nothing_is_better_than_anything_else_no_advantage_is_left() -> No
     assert eq.normalised_advantages(np.full(3, 7.0)).tolist() == [0.0, 0.0, 0.0]
 
 
-# Eq. 8
+# Eq. 11
 
 
 def test_guided_step_pulls_the_driver_up_by_what_it_lacks() -> None:
@@ -159,7 +159,7 @@ def test_guided_step_is_the_gradient_of_the_log_of_the_drivers_weight(h: list[fl
     assert found[0].tolist() == pytest.approx(gradient(lambda x: log(literal_softmax(x)[driver]), h), abs=1e-7)
 
 
-# Eq. 11
+# Eq. 14
 
 
 def test_a_drawn_behavior_with_an_advantage_gains_what_the_others_lose() -> None:
@@ -233,7 +233,7 @@ def test_divergence_is_never_below_0_and_0_where_nothing_changed(pairs: list[tup
     assert eq.divergence(weights, drawn, now) == pytest.approx(0.0, abs=1e-9)
 
 
-# Eqs. 11 and 12: the assignment
+# Eqs. 14 and 15: the assignment
 
 
 def test_each_active_feature_takes_its_share_of_the_step() -> None:

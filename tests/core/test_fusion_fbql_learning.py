@@ -413,7 +413,7 @@ def test_a_guided_decision_is_of_whom_the_guide_took_first(discount: float) -> N
 
 
 def test_guided_episodes_of_a_learner_that_knows_much_already_pull_towards_the_guide() -> None:
-    """With a policy given. The guide always takes up; no reward, and nothing of it waits for eq. 11."""
+    """With a policy given. The guide always takes up; no reward, and nothing of it waits for eq. 14."""
     policy = trained()
     session = Session(parameters(seed=3, guided=4, reward_goal=0.0, reward_own_goal=0.0), policy)
     play(session, 4)

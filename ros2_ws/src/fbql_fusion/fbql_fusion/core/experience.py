@@ -76,7 +76,7 @@ class Batch(NamedTuple):
     chance: eq.Floats
     """[N]"""
     advantages: eq.Floats
-    """A of eq. 10, [N]"""
+    """A of eq. 13, [N]"""
     returns: eq.Floats
     """A + V, what V is to become, [N]"""
 

@@ -52,7 +52,7 @@ class Fbql(HeldDecisions):
         self._table = self._mean if frozen and self._averaged else self._theta
 
     def _judge(self, active: Sequence[int]) -> Judgement:
-        """Eq. 7."""
+        """Eq. 10."""
         return eq.softmax(eq.preferences(self._table, active)), ()
 
     def _learn_waiting(self) -> None:
@@ -73,7 +73,7 @@ class Fbql(HeldDecisions):
             self._improve()
 
     def _follow(self, guided: Sequence[Episode]) -> None:
-        """Eqs. 8 and 12 on guided episodes: the weights of the guide's drivers grow, and V learns what they led to."""
+        """Eqs. 11 and 15 on guided episodes: the weights of the guide's drivers grow, and V learns what they led to."""
         parameters = self._parameters
         batch = self._batch(guided)
         for _ in range(parameters.fbql_guide_passes):
@@ -84,7 +84,7 @@ class Fbql(HeldDecisions):
                 self._learn_value(active, batch.returns[some])
 
     def _improve(self) -> None:
-        """Eqs. 9 to 12 on a batch of episodes."""
+        """Eqs. 12 to 15 on a batch of episodes."""
         parameters = self._parameters
         batch = self._batch(self._waiting)
         self._waiting = []
@@ -110,7 +110,7 @@ class Fbql(HeldDecisions):
             self._average()
 
     def _learn_value(self, active: NDArray[np.int64], returns: eq.Floats) -> None:
-        """Eq. 12."""
+        """Eq. 15."""
         surprise = returns - self._value[active].sum(axis=1)
         eq.add_shared(self._value, active, surprise, self._parameters.fbql_value_rate)
 

@@ -11,7 +11,7 @@ PLAYS = ("held", "drawn", "blended")
 
 @dataclass(frozen=True)
 class FbqlParameters:
-    """What `docs/fusion.md` calls eqs. 7 to 12. The defaults were chosen on training seeds and tree sets."""
+    """What `docs/fusion.md` calls eqs. 10 to 15. The defaults were chosen on training seeds and tree sets."""
 
     fbql_hold_steps: int = parameter(8, "steps for which fbql holds a decision", low=1, high=1000)
     fbql_play: str = parameter(
@@ -39,11 +39,11 @@ class FbqlParameters:
     fbql_mirror: bool = parameter(True, "whether situations that mirror each other (left and right) share their tiles")
 
     fbql_discount: float = parameter(0.997, "gamma of fbql, per step", low=0.0, high=1.0)
-    fbql_trace: float = parameter(0.95, "lambda of eq. 10, per decision", low=0.0, high=1.0)
-    fbql_rate: float = parameter(0.1, "alpha of eq. 11, shared by the active features", low=0.0, high=10.0)
-    fbql_value_rate: float = parameter(0.1, "beta of eq. 12, shared by the active features", low=0.0, high=2.0)
-    fbql_clip: float = parameter(0.4, "change of a weight, in shares of it, beyond which eq. 11 leaves it", low=0.0)
-    fbql_entropy: float = parameter(0.003, "worth of undecided weights in eq. 11", low=0.0, high=10.0)
+    fbql_trace: float = parameter(0.95, "lambda of eq. 13, per decision", low=0.0, high=1.0)
+    fbql_rate: float = parameter(0.1, "alpha of eq. 14, shared by the active features", low=0.0, high=10.0)
+    fbql_value_rate: float = parameter(0.1, "beta of eq. 15, shared by the active features", low=0.0, high=2.0)
+    fbql_clip: float = parameter(0.4, "change of a weight, in shares of it, beyond which eq. 14 leaves it", low=0.0)
+    fbql_entropy: float = parameter(0.003, "worth of undecided weights in eq. 14", low=0.0, high=10.0)
     fbql_batch_episodes: int = parameter(
         20, "episodes learned from at a time, later on; it begins with 2", low=1, high=1000
     )

@@ -1,4 +1,4 @@
-"""Equations 7 to 12: fusion that learns. Pure functions; docs/fusion.md derives them beside eqs. 5 and 6.
+"""Equations 10 to 15: fusion that learns. Pure functions; docs/fusion.md derives them beside eqs. 5 and 6.
 
 N decisions, n behaviors, F active features a decision. A decision is held for k steps: R is the discounted reward of
 these steps and gamma^k the discount over them, so that everything is an SMDP's.
@@ -30,7 +30,7 @@ def preferences(theta: Floats, active: Sequence[int]) -> list[float]:
 
 
 def softmax(values: Sequence[float]) -> tuple[float, ...]:
-    """Eq. 7: w_i = exp(h_i) / sum_j exp(h_j), length n."""
+    """Eq. 10: w_i = exp(h_i) / sum_j exp(h_j), length n."""
     highest = max(values)
     powers = [exp(x - highest) for x in values]
     total = sum(powers)
@@ -38,7 +38,7 @@ def softmax(values: Sequence[float]) -> tuple[float, ...]:
 
 
 def weights_of(theta: Floats, active: NDArray[np.int64]) -> Floats:
-    """Eq. 7 for many decisions.
+    """Eq. 10 for many decisions.
 
     Args:
         theta: [features, n].
@@ -54,7 +54,7 @@ def weights_of(theta: Floats, active: NDArray[np.int64]) -> Floats:
 
 
 def advantages(rewards: Floats, discounts: Floats, values: Floats, trace: float) -> Floats:
-    """Eqs. 9 and 10: d_t = R_t + gamma^k_t V(s_{t+1}) - V(s_t) and A_t = d_t + gamma^k_t lambda A_{t+1}.
+    """Eqs. 12 and 13: d_t = R_t + gamma^k_t V(s_{t+1}) - V(s_t) and A_t = d_t + gamma^k_t lambda A_{t+1}.
 
     Args:
         rewards: R of an episode's T decisions, [T].
@@ -80,7 +80,7 @@ def normalised_advantages(values: Floats) -> Floats:
 
 
 def guided_step(weights: Floats, driver: NDArray[np.int64]) -> Floats:
-    """Eq. 8: 1[i = driver] - w_i, the gradient of log w_driver by the preferences, [N, n]."""
+    """Eq. 11: 1[i = driver] - w_i, the gradient of log w_driver by the preferences, [N, n]."""
     step = -weights
     step[np.arange(len(step)), driver] += 1.0
     return step
@@ -89,10 +89,10 @@ def guided_step(weights: Floats, driver: NDArray[np.int64]) -> Floats:
 def clipped_step(
     weights: Floats, drawn: NDArray[np.int64], chance: Floats, advantage: Floats, clip: float, entropy: float
 ) -> Floats:
-    """Eq. 11: A rho (1[i = drawn] - w_i), and 0 where rho left [1 - clip, 1 + clip] in the direction of A.
+    """Eq. 14: A rho (1[i = drawn] - w_i), and 0 where rho left [1 - clip, 1 + clip] in the direction of A.
 
     Args:
-        weights: w of eq. 7 now, [N, n].
+        weights: w of eq. 10 now, [N, n].
         drawn: the behavior that drove, [N].
         chance: the weight by which it was drawn then, [N]; rho = w_drawn / chance.
         advantage: A, normalised, [N].
@@ -118,7 +118,7 @@ def divergence(weights: Floats, drawn: NDArray[np.int64], chance: Floats) -> flo
 
 
 def add_shared(table: Floats, active: NDArray[np.int64], steps: Floats, rate: float) -> None:
-    """Eqs. 11 and 12's assignment: each of the F active features of a decision takes rate / F of its step.
+    """Eqs. 14 and 15's assignment: each of the F active features of a decision takes rate / F of its step.
 
     Decisions that share features move each other: by L times its step, if all of them step alike. Where L > 1 (a robot
     that stands still decides the same over and over) the step is divided by L, so that nothing overshoots its target.
