@@ -105,6 +105,13 @@ def test_situations_that_mirror_each_other_share_their_tiles_and_not_their_leave
     assert not set(one[:leaves]) & set(other[:leaves])
 
 
+def test_the_scales_are_the_same_whichever_side_was_met_more_often() -> None:
+    seen = sensed(np.random.default_rng(9), 200)
+    often_left = [mirrored(each) if k % 3 else each for k, each in enumerate(seen)]
+    assert np.array_equal(Scales.of(seen, mirror=True).knots, Scales.of(often_left, mirror=True).knots)
+    assert not np.array_equal(Scales.of(seen, mirror=False).knots, Scales.of(often_left, mirror=False).knots)
+
+
 @given(situations())
 def test_bearings_of_which_one_alone_changes_its_side_are_told_apart(given_: Situation) -> None:
     scales = made().scales
