@@ -19,6 +19,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
+        (f"share/{name}/views", ["views/fbql.rviz", "views/fbql.foxglove.json"]),
     ],
     install_requires=["setuptools"],
     extras_require={"gymnasium": ["gymnasium>=1.0"]},
