@@ -21,6 +21,8 @@ from launcher.supervision import BAD_INPUT, FAILED, INCOMPLETE, Supervision
 
 PROGRAM = "bringup.py"
 START_TIMEOUT_S = 30.0
+FOXGLOVE_PORT = 8765
+"""The one that Foxglove looks at unless told otherwise."""
 
 
 def parser() -> Parser:
@@ -40,6 +42,15 @@ def parser() -> Parser:
         help="speed relative to real time; 0: lockstep, as fast as it goes",
     )
     how.add_argument("--record", action=argparse.BooleanOptionalAction, default=True, help="record the run to MCAP")
+    how.add_argument(
+        "--foxglove",
+        type=int,
+        nargs="?",
+        const=FOXGLOVE_PORT,
+        metavar="PORT",
+        help=f"serve every topic live to Foxglove, on this port of this machine ({FOXGLOVE_PORT}; 0: a free one); best "
+        "with --realtime. Needs requirements-foxglove.txt",
+    )
     how.add_argument(
         "--start-timeout",
         type=float,
@@ -84,7 +95,13 @@ def _prepared(arguments: argparse.Namespace, panel: Panel, interrupts: Interrupt
     rehearse(match)
     interrupts.check()
     mode = Mode(arguments.processes, arguments.realtime, arguments.record, arguments.start_timeout)
-    return match, Supervision(PROGRAM, mode, domain_id, arguments.start_timeout, panel, interrupts)
+    live = None
+    if arguments.foxglove is not None:
+        from launcher.foxglove_live import FoxgloveLive
+
+        live = FoxgloveLive(arguments.foxglove)
+        panel.say(f"live in Foxglove: {live.address} (Open connection, Foxglove WebSocket)")
+    return match, Supervision(PROGRAM, mode, domain_id, arguments.start_timeout, panel, interrupts, live)
 
 
 def _tell(match: Match, code: int, panel: Panel, interrupts: Interrupts) -> int:

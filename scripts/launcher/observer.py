@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from time import monotonic
+from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from fbql_common.topics import DECISION, DIAGNOSTICS, POSE_QOS, WHEEL_COMMAND, WORLD, behavior_topic
 from rclpy.experimental import EventsExecutor
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
@@ -34,6 +36,10 @@ class Observer:
         for status in message.status:
             if status.name == _STATUS:
                 self.status = {pair.key: pair.value for pair in status.values}
+
+    def hear(self, kind: type[Any], topic: str, qos: QoSProfile, heard: Callable[[bytes], None]) -> None:
+        """Hands on every message of a topic, as the bytes that were on the wire, whenever it looks."""
+        self._node.create_subscription(kind, topic, heard, qos, raw=True)
 
     def look(self, duration_s: float) -> None:
         """Takes in what comes for this long."""

@@ -7,6 +7,7 @@ import signal
 from collections.abc import Mapping, Sequence
 from contextlib import closing, nullcontext
 from time import monotonic, sleep
+from typing import TYPE_CHECKING
 
 from fbql_common.core.errors import BadInput
 
@@ -17,6 +18,9 @@ from launcher.observer import Observer
 from launcher.options import Match
 from launcher.panel import Panel
 from launcher.processes import NodeProcess, start, stop
+
+if TYPE_CHECKING:  # it takes message packages that a bring-up without it need not load
+    from launcher.foxglove_live import FoxgloveLive
 
 DONE, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
 _LOOK_S = 0.05
@@ -35,6 +39,7 @@ class Supervision:
     Args:
         domain_id: None for a free one, which is held while the graph runs.
         start_timeout_s: within this every node and topic must be there.
+        live: where people watch, if they do.
     """
 
     def __init__(
@@ -45,6 +50,7 @@ class Supervision:
         start_timeout_s: float,
         panel: Panel,
         interrupts: Interrupts,
+        live: FoxgloveLive | None = None,
     ) -> None:
         self._program = program
         self._mode = mode
@@ -52,6 +58,7 @@ class Supervision:
         self._start_timeout_s = start_timeout_s
         self._panel = panel
         self._interrupts = interrupts
+        self._live = live
         self._started: list[NodeProcess] = []
 
     def run(self, match: Match) -> int:
@@ -80,6 +87,8 @@ class Supervision:
                 self._start(commands, match, {**os.environ, "ROS_DOMAIN_ID": str(domain_id)})
                 self._wait_for_words()
                 with closing(Observer(domain_id)) as observer:
+                    if self._live is not None:
+                        self._live.attach(observer, list(match.behaviors))
                     self._wait_for_graph(observer, match)
                     self._watch(observer)
             except Failure as failure:
