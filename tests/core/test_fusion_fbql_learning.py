@@ -332,9 +332,21 @@ def test_the_mean_is_of_thetas_after_two_thirds_of_the_horizon() -> None:
 def test_drawn_is_by_the_weights() -> None:
     policy = trained()
     ((_, weights), *_) = stay(frozen(policy, fbql_play="blended"), 1)
-    drivers = Counter(driver for driver, _ in stay(frozen(policy, fbql_play="drawn", fbql_hold_steps=1), 4000))
+    drivers = Counter(
+        driver for driver, _ in stay(frozen(policy, fbql_play="drawn", fbql_hold_steps=1, fbql_patience=0), 4000)
+    )
     assert 0.1 < weights[UP] < 0.9
     assert drivers[UP] / 4000 == pytest.approx(weights[UP], abs=0.03)
+
+
+def test_the_longer_a_deadlock_lasts_the_more_alike_are_the_weights_that_are_drawn_by() -> None:
+    policy = trained()
+    sure = {name: 40.0 * policy.arrays[name] for name in ("theta", "mean")}
+    policy = policy._replace(arrays={**policy.arrays, **sure})
+    ((_, weights), *_) = stay(frozen(policy, fbql_play="blended"), 1)
+    drivers = [driver for driver, _ in stay(frozen(policy, fbql_hold_steps=1, fbql_patience=1), 4000)]
+    assert min(weights) < 0.05
+    assert drivers[1000:].count(UP) / 3000 == pytest.approx(0.5, abs=0.03)
 
 
 @pytest.mark.parametrize("patience", [1, 4])

@@ -22,8 +22,8 @@ class FbqlParameters:
     )
     fbql_patience: int = parameter(
         10,
-        "decisions in the same joint state, in one episode, after which fbql draws there instead of repeating itself; "
-        "0: never",
+        "decisions in the same joint state, in one episode, after which fbql that does not learn draws there instead of "
+        "repeating itself, the longer by the more equal weights; 0: never",
         low=0,
         high=1_000_000,
     )
@@ -45,7 +45,7 @@ class FbqlParameters:
     fbql_clip: float = parameter(0.4, "change of a weight, in shares of it, beyond which eq. 14 leaves it", low=0.0)
     fbql_entropy: float = parameter(0.003, "worth of undecided weights in eq. 14", low=0.0, high=10.0)
     fbql_batch_episodes: int = parameter(
-        20, "episodes learned from at a time, later on; it begins with 2", low=1, high=1000
+        20, "episodes learned from at a time, later on; it begins with 3", low=1, high=1000
     )
     fbql_passes: int = parameter(8, "passes over a batch", low=1, high=100)
     fbql_guide_passes: int = parameter(4, "passes over the guided episodes", low=0, high=1000)

@@ -159,7 +159,10 @@ class HeldDecisions(ABC):
         joint_state = situation.joint_state
         visits = self._visits[joint_state] = self._visits.get(joint_state, 0) + 1
         patience = self._holding.patience
-        play = "drawn" if self._phase is not Phase.EVALUATION or 0 < patience < visits else self._holding.play
+        play = "drawn" if self._phase is not Phase.EVALUATION else self._holding.play
+        if 0 < patience < visits and self._phase is Phase.EVALUATION:
+            # The longer it goes on, the more alike the weights by which is drawn: no deadlock lasts.
+            play, live = "drawn", [w ** (patience / visits) for w in live]
         if play == "blended" or not any(live):
             self._weights, self._driver = weights, DRIVER_BLEND
             return
