@@ -26,6 +26,7 @@ from fbql_behaviors.storage import save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, limits_of, types_of
 
+from launcher.counted import counted
 from launcher.induction_report import Induction, induction_page
 from launcher.instruct import instruct
 from launcher.make_trees import DEMONSTRATION_SEED, INDUCTION_SEED
@@ -33,13 +34,18 @@ from launcher.observations import add_observation_option, know_observations
 from launcher.options import Parser
 from launcher.panel import print_result
 from launcher.places import new_path
+from launcher.unwritable import unwritable
 
 PROGRAM = "induce.py"
 CART = "cart"
-METHOD_HELP = "; cart: by scikit-learn, to be compared with"
+METHOD_HELP = "; cart: by scikit-learn, to be compared with (installs requirements-study.txt, once)"
 BESIDE = Path()
 """The value of --report without a file."""
-_DONE, _FAILED, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130
+_ONE_LEAF = (
+    "the tree is a single leaf: one command whatever is sensed; record more demonstrations, "
+    "or bring --split-cost nearer to 0"
+)
+_DONE, _BAD_INPUT, _INTERRUPTED = 0, 2, 130
 
 
 def main(argv: Sequence[str]) -> int:
@@ -82,15 +88,20 @@ def _induce(arguments: argparse.Namespace) -> int:
         "sha256": made.tree.hash,
         "report": None if report is None else str(report),
     }
+    replaced, writing = path.exists(), path
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         save_tree(path, made.tree)
         if report is not None:
+            writing = report
             report.parent.mkdir(parents=True, exist_ok=True)
             report.write_text(_page(arguments, recipe.induction, demonstrations, patterns, made, rmse))
     except OSError as error:
-        print(f"{PROGRAM}: {error.filename or path}: cannot be written ({error.strerror})", file=sys.stderr)
-        return _FAILED
+        return unwritable(PROGRAM, writing, error)
+    if replaced:
+        print(f"{path}: the tree that was there is replaced", file=sys.stderr)
+    if made.tree.leaf_count == 1:
+        print(f"{PROGRAM}: WARNING: {_ONE_LEAF}", file=sys.stderr)
     print_result(json.dumps(result) if arguments.json else _worded(result))
     return _DONE
 
@@ -151,7 +162,7 @@ def _worded(result: dict[str, Any]) -> str:
     value = "not finite: it diverged" if result["root_value"] is None else f"{result['root_value']:.4f} nat"
     return "\n".join(
         (
-            f"{result['leaves']} leaves from {result['patterns']} patterns in {result['seconds']:.3f} s",
+            f"{counted(result['leaves'], 'leaf', 'leaves')} from {counted(result['patterns'], 'pattern')} in {result['seconds']:.3f} s",
             f"  held-out error of the wheel velocities   {error}",
             f"  value of the root                        {value}",
             f"  tree                                     {result['path']}",

@@ -20,6 +20,8 @@ from fbql_behaviors.core.patterns import Patterns
 from fbql_behaviors.core.quantizer import rad_s_of
 from fbql_behaviors.core.tree import Tree
 
+from launcher.counted import counted
+
 STYLE = """
 :root { color-scheme: light; }
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1040px; margin: 0 auto; padding: 24px; }
@@ -67,7 +69,7 @@ class Induction:
 def induction_page(induction: Induction) -> str:
     """The page."""
     tree = induction.tree
-    title = f"{tree.behavior}: a decision tree of {tree.leaf_count} leaves"
+    title = f"{tree.behavior}: a decision tree of {counted(tree.leaf_count, 'leaf', 'leaves')}"
     body = "\n".join(
         (
             f"<h1>{escape(title)}</h1>",
@@ -97,8 +99,8 @@ def _tiles(induction: Induction) -> str:
         held_out = (f"{rmse:.2f} levels", f"held-out error of the wheels, {rad_s_of(rmse):.1f} rad/s")
     worth = f"; the tree is worth {_nat(induction.worth)}, the best one {_nat(induction.optimum)}"
     tiles = (
-        (str(induction.tree.leaf_count), "leaves"),
-        (f"{len(induction.patterns)}", f"patterns of {induction.demonstrations} demonstrations"),
+        (str(induction.tree.leaf_count), "leaf" if induction.tree.leaf_count == 1 else "leaves"),
+        (f"{len(induction.patterns)}", f"patterns of {counted(induction.demonstrations, 'demonstration')}"),
         held_out,
         (f"{induction.training_rmse:.2f} levels", "error on the training patterns"),
         (_nat(induction.value), f"value of the root ({induction.objective} objective){worth}"),
@@ -147,7 +149,7 @@ def _data(induction: Induction) -> str:
     patterns = induction.patterns
     classes = len(np.unique(patterns.wheel_class))
     about = (
-        f"<p>{escape(induction.source)}: {induction.demonstrations} demonstrations, {len(patterns)} patterns of "
+        f"<p>{escape(induction.source)}: {counted(induction.demonstrations, 'demonstration')}, {len(patterns)} patterns of "
         f"{classes} wheel classes. SHA-256 of the patterns: <code>{patterns.sha256}</code></p>"
     )
     rows = [

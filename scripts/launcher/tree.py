@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from math import degrees, isfinite, radians
@@ -19,9 +20,11 @@ from fbql_behaviors.sklearn_trees import from_arrays
 from fbql_behaviors.storage import MAX_BYTES, load_tree, save_tree, tree_to_bytes
 from fbql_common.core.errors import BadInput
 
+from launcher.counted import counted
 from launcher.observations import add_observation_option, know_observations
 from launcher.options import Parser
 from launcher.panel import print_result
+from launcher.unwritable import unwritable
 
 PROGRAM = "tree.py"
 FORMATS: Mapping[str, Callable[[Tree], str]] = {
@@ -30,21 +33,32 @@ FORMATS: Mapping[str, Callable[[Tree], str]] = {
     "svg": partition_svg,
     "json": lambda tree: tree_to_bytes(tree).decode(),
 }
-_DONE, _FAILED, _BAD_INPUT = 0, 1, 2
+_SIGNED = re.compile(r"-[\d.]")
+_DONE, _BAD_INPUT = 0, 2
 
 
 def main(argv: Sequence[str]) -> int:
     """Runs the command. Gives the exit code."""
-    arguments = _parser().parse_args(list(argv))
+    arguments = _parser().parse_args(_with_signed_values(argv))
     try:
         know_observations(arguments.observation)
         return arguments.run(arguments)
     except BadInput as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return _BAD_INPUT
-    except OSError as error:
-        print(f"{PROGRAM}: {error.filename or 'output'}: cannot be written ({error.strerror})", file=sys.stderr)
-        return _FAILED
+    except OSError as error:  # of standard output
+        return unwritable(PROGRAM, Path("output"), error)
+
+
+def _with_signed_values(argv: Sequence[str]) -> list[str]:
+    """`--at -5,3` as `--at=-5,3`: argparse takes a word that begins with a minus for an option."""
+    words: list[str] = []
+    for word in argv:
+        if words and words[-1] == "--at" and _SIGNED.match(word):
+            words[-1] = f"--at={word}"
+        else:
+            words.append(word)
+    return words
 
 
 def _explain(arguments: argparse.Namespace) -> int:
@@ -81,7 +95,11 @@ def _observation(text: str, tree: Tree) -> tuple[float, ...]:
         if not isfinite(value):
             raise BadInput(f"--at {text}: {feature.name} is {word}; it must be finite")
         values.append(radians(value) if feature.unit == "rad" else value)
-    return tree.clamp(values)
+    inside = tree.clamp(values)
+    for given, taken, feature in zip(values, inside, tree.features, strict=True):
+        if given != taken:
+            print(f"--at {text}: {feature.name} lies outside of what the tree senses and is clamped", file=sys.stderr)
+    return inside
 
 
 def _check(arguments: argparse.Namespace) -> int:
@@ -98,7 +116,10 @@ def _export(arguments: argparse.Namespace) -> int:
     if arguments.out is None:
         print_result(text.removesuffix("\n"))
     else:
-        arguments.out.write_text(text, encoding="utf-8")
+        try:
+            arguments.out.write_text(text, encoding="utf-8")
+        except OSError as error:
+            return unwritable(PROGRAM, arguments.out, error)
         print(f"{arguments.out}: {len(text)} characters", file=sys.stderr)
     return _DONE
 
@@ -110,7 +131,10 @@ def _import(arguments: argparse.Namespace) -> int:
         tree = from_arrays(_read_json(arguments.file), arguments.behavior, features, {"method": "imported"})
     except BadInput as error:
         raise BadInput(f"{arguments.file}: {error}") from None
-    save_tree(arguments.out, tree)
+    try:
+        save_tree(arguments.out, tree)
+    except OSError as error:
+        return unwritable(PROGRAM, arguments.out, error)
     print_result(f"{arguments.out}: {_summary(tree)}")
     return _DONE
 
@@ -143,7 +167,7 @@ def _summary(tree: Tree) -> str:
         else f"{feature.name} {feature.low:g} to {feature.high:g} {feature.unit}".strip()
         for feature in tree.features
     )
-    return f"{tree.behavior}: {tree.leaf_count} leaves; senses {senses}; SHA-256 {tree.hash}"
+    return f"{tree.behavior}: {counted(tree.leaf_count, 'leaf', 'leaves')}; senses {senses}; SHA-256 {tree.hash}"
 
 
 def _parser() -> Parser:
@@ -158,7 +182,11 @@ def _parser() -> Parser:
         return result
 
     explain = command("explain", _explain, "says what each leaf does and where, a rule a line", "tree file")
-    explain.add_argument("--at", metavar="A,B", help="the rule for this observation only; angles in degrees")
+    explain.add_argument(
+        "--at",
+        metavar="A,B",
+        help="the rule for this observation only; angles in degrees; clamped to what the tree senses",
+    )
     explain.add_argument("--json", action="store_true", help="print one JSON object")
     export = command("export", _export, "writes a tree as C99, DOT, a picture of its partition, or JSON", "tree file")
     export.add_argument("--to", choices=tuple(FORMATS), required=True, help="what to write")

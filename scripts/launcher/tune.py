@@ -19,16 +19,18 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, limits_of, types_of
 from studies.inference import mean_interval
 
+from launcher.counted import counted
 from launcher.options import Parser, shipped_trees
 from launcher.panel import print_result
 from launcher.places import new_path
 from launcher.practice import PracticeGround, measure, measuring_seeds
+from launcher.unwritable import unwritable
 
 PROGRAM = "tune.py"
 STARTS = 400
 """Starts that the tree is measured on, before and after."""
 _SHOWN_EVERY = 20
-_DONE, _FAILED, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130
+_DONE, _BAD_INPUT, _INTERRUPTED = 0, 2, 130
 
 
 def main(argv: Sequence[str]) -> int:
@@ -60,8 +62,7 @@ def _tune(arguments: argparse.Namespace) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         save_tree(path, tuned.tree)
     except OSError as error:
-        print(f"{PROGRAM}: {error.filename or path}: cannot be written ({error.strerror})", file=sys.stderr)
-        return _FAILED
+        return unwritable(PROGRAM, path, error)
     result = {
         "behavior": behavior,
         "leaves": tree.leaf_count,
@@ -114,7 +115,7 @@ def _worded(result: dict[str, Any]) -> str:
     low, high = result["difference_low"], result["difference_high"]
     return "\n".join(
         (
-            f"{result['leaves_changed']} of {result['leaves']} leaves changed, "
+            f"{result['leaves_changed']} of {counted(result['leaves'], 'leaf', 'leaves')} changed, "
             f"after {result['steps']} steps in {result['seconds']:.1f} s",
             f"  {result['measure']}, over {result['starts']} starts that tuning did not see",
             f"    before   {result['before']:.1f}",

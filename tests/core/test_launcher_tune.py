@@ -72,11 +72,11 @@ def test_bad_input_is_one_line_and_exit_code_2(
     assert told.err.count("\n") == 1
 
 
-def test_a_tree_that_cannot_be_written_is_a_failure(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_tree_that_cannot_be_written_is_bad_input(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     options = ["ball_seeking", "--trees", str(TREES), "--episodes", "1", "--starts", "1"]
-    assert main([*options, "--out", str(tmp_path / "file" / "t.json")]) == 1
-    assert "cannot be written" in capsys.readouterr().err
+    assert main([*options, "--out", str(tmp_path / "file" / "t.json")]) == 2
+    assert f"tune.py: {tmp_path}/file/t.json: cannot be written (Not a directory)" in capsys.readouterr().err
 
 
 def test_every_start_is_clear_of_the_ball_and_the_same_for_the_same_seed() -> None:

@@ -196,5 +196,30 @@ def test_an_interrupt_ends_the_trials_in_one_line_and_leaves_what_was_there(tmp_
 def test_a_page_that_cannot_be_written_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     words = ["ball_seeking", *FEW, "--out", str(tmp_path / "tree.json"), "--report", str(tmp_path / "there")]
-    assert induce.main(words) == 1
-    assert f"{tmp_path}/there: cannot be written (Is a directory)" in capsys.readouterr().err
+    assert induce.main(words) == 2
+    assert f"induce.py: {tmp_path}/there: cannot be written (Is a directory)\n" in capsys.readouterr().err
+
+
+def test_a_tree_that_cannot_be_written_is_refused_by_the_name_that_was_given(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    for path, reason in ((tmp_path / "file" / "x.json", "Not a directory"), (tmp_path, "Is a directory")):
+        line = refused(capsys, "ball_seeking", *FEW, "--out", str(path))
+        assert line == f"induce.py: {path}: cannot be written ({reason})"
+
+
+def test_a_tree_that_is_replaced_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = ["ball_seeking", *FEW, "--out", str(tmp_path / "tree.json")]
+    assert induce.main(words) == 0
+    assert "replaced" not in capsys.readouterr().err
+    assert induce.main(words) == 0
+    assert f"{tmp_path}/tree.json: the tree that was there is replaced\n" in capsys.readouterr().err
+
+
+def test_a_tree_of_one_leaf_is_said_and_what_to_do(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = ["ball_seeking", *FEW, "--split-cost", "-5", "--out", str(tmp_path / "tree.json")]
+    assert induce.main(words) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("1 leaf from 200 patterns")
+    assert "induce.py: WARNING: the tree is a single leaf" in err and "record more demonstrations" in err

@@ -55,6 +55,16 @@ def test_explain_at_a_place_says_the_rule_that_answers_there(capsys: pytest.Capt
     assert f"`{out.strip()}`" in " ".join((SHIPPED.parent / "README.md").read_text().split())
 
 
+def test_explain_at_a_place_takes_a_value_below_0_first_and_says_that_it_is_clamped(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    said_inside = said(capsys, "explain", BALL, "--at", "0,3")
+    assert run("explain", BALL, "--at", "-5,3") == 0
+    out, err = capsys.readouterr()
+    assert out == said_inside
+    assert err == "--at -5,3: ball_distance lies outside of what the tree senses and is clamped\n"
+
+
 def test_explain_as_json_has_the_rules_and_the_numbers(capsys: pytest.CaptureFixture[str]) -> None:
     found = json.loads(said(capsys, "explain", WALL, "--json"))
     tree = load_tree(WALL)
@@ -137,6 +147,16 @@ def test_what_cannot_be_used_is_refused_in_one_line(
     assert not Path("x").exists()
 
 
-def test_a_file_that_cannot_be_written_is_a_failure(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert run("export", WALL, "--to", "c", "--out", tmp_path) == 1
-    assert f"tree.py: {tmp_path}: cannot be written (Is a directory)" in capsys.readouterr().err
+def test_a_file_that_cannot_be_written_is_refused_by_the_name_that_was_given(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert run("export", WALL, "--to", "c", "--out", tmp_path) == 2
+    assert capsys.readouterr().err == f"tree.py: {tmp_path}: cannot be written (Is a directory)\n"
+    path = tmp_path / "missing" / "tree.json"
+    assert run("import", arrays(tmp_path), "--behavior", "ball_seeking", "--out", path) == 2
+    assert capsys.readouterr().err == f"tree.py: {path}: cannot be written (No such file or directory)\n"
+
+
+def test_a_full_disk_is_a_failure_and_no_bad_input(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("export", WALL, "--to", "c", "--out", "/dev/full") == 1
+    assert capsys.readouterr().err == "tree.py: /dev/full: cannot be written (No space left on device)\n"
