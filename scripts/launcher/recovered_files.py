@@ -68,7 +68,7 @@ class RunDirectoryFiles:
         for name, data in self._data.items():
             if name == SUMMARY and not is_complete:
                 data = _incomplete(data)
-            write_atomically(directory / name, data)
+            (directory / name).write_bytes(data)
 
     def write_summary(self, run: Run, messages: int) -> int:
         """Reads the new recording to its end; gives its number of steps.

@@ -156,10 +156,11 @@ class _Writing:
                 )
                 for topic, count in zip(self._topics, writer.counts, strict=True)
             ]
+            # metadata.yaml comes last: a directory that has it is whole.
+            self._beside.write_to(self._target, self._done.is_complete)
             finish_bag(writer, file.fileno(), active, path, topics, self._about)
         done = self._done
         done.messages = sum(writer.counts)
-        self._beside.write_to(self._target, done.is_complete)
         progress("reading what was written")
         try:
             run = open_run(self._target)

@@ -1,9 +1,5 @@
 """Recordings of the real messages: what rosbags and the mcap package read is what was published, field by field."""
 
-import json
-import os
-import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -14,6 +10,7 @@ from fbql_fusion.bag_metadata import INFINITE_NS, Qos, qos_of
 from fbql_fusion.message_definitions import schema_text, type_hash
 from fbql_fusion.recording import Channel, Recorder
 from fbql_msgs.msg import BehaviorOutput, FusionDecision, WheelCommand, WorldState
+from javascript_reader import read_with_javascript
 from mcap.reader import make_reader
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
@@ -130,21 +127,7 @@ def plain(message: object) -> object:
 
 def test_javascript_readers_read_every_field_with_crcs_checked(run):
     """What Foxglove and Lichtblick read with. `npm install --no-package-lock` in the reader's directory enables it."""
-    place = Path(__file__).parents[1] / "system" / "read_with_node"
-    modules = Path(os.environ.get("FBQL_NODE_MODULES", place / "node_modules"))
-    node = shutil.which("node")
-    if node is None or not (modules / "@mcap" / "core").is_dir():
-        pytest.skip(f"no Node.js, or no modules in {modules}: npm install --no-package-lock --prefix {place}")
-    done = subprocess.run(
-        [node, place / "read.cjs", run / "run_0.mcap"],
-        env=os.environ | {"NODE_PATH": str(modules)},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    result = json.loads(done.stdout)
+    result = read_with_javascript(run / "run_0.mcap")
     assert (result["profile"], result["streamed"], result["indexed"]) == ("ros2", 200, 200)
     for index, message in enumerate(messages()):
         assert result["topics"][f"/t{index}"] == {"type": TYPES[index], "messages": 50, "last": plain(message)}

@@ -214,7 +214,7 @@ class McapFile:
                 elif opcode == Opcode.STATISTICS:
                     statistics = Statistics.read(ReadDataStream(BytesIO(body)))
                 else:
-                    self._take(opcode, body, footer.summary_start + at)
+                    self._take(opcode, body, footer.summary_start + at, has_crc=footer.summary_crc != 0)
                 at += HEAD.size + length
         except _NO_RECORD:
             return self._complain(footer.summary_start + at, "its summary is damaged")
@@ -316,8 +316,8 @@ class McapFile:
         else:
             self.damage.cut_off_at = at
 
-    def _take(self, opcode: int, body: bytes, at: int) -> None:
-        """Takes over what is no message."""
+    def _take(self, opcode: int, body: bytes, at: int, has_crc: bool = False) -> None:
+        """Takes over what is no message. What a CRC covers is believed where it is described twice."""
         stream = ReadDataStream(BytesIO(body))
         try:
             if opcode == Opcode.HEADER:
@@ -326,8 +326,9 @@ class McapFile:
                 schema = Schema.read(stream)
                 if self._schemas.setdefault(schema.id, schema) != schema:
                     self._complain(at, f"schema {schema.id} is described twice, and differently")
+                    self._schemas[schema.id] = schema if has_crc else self._schemas[schema.id]
             elif opcode == Opcode.CHANNEL:
-                self._take_channel(Channel.read(stream), at)
+                self._take_channel(Channel.read(stream), at, has_crc)
             elif opcode == Opcode.ATTACHMENT:
                 self._take_attachment(body, at)
             elif opcode == Opcode.METADATA:
@@ -344,7 +345,7 @@ class McapFile:
         if profile not in PROFILES:
             raise BadInput(f"{self.path}: its profile is '{profile}'; recordings of ROS 2 have 'ros2'")
 
-    def _take_channel(self, channel: Channel, at: int) -> None:
+    def _take_channel(self, channel: Channel, at: int, has_crc: bool) -> None:
         schema = self._schemas.get(channel.schema_id)
         if schema is None and channel.schema_id != 0:
             self._complain(at, f"topic {channel.topic} has no schema")
@@ -359,6 +360,7 @@ class McapFile:
         )
         if self.topics.setdefault(channel.id, topic) != topic:
             self._complain(at, f"channel {channel.id} is described twice, and differently")
+            self.topics[channel.id] = topic if has_crc else self.topics[channel.id]
 
     def _take_attachment(self, body: bytes, at: int) -> None:
         record = Attachment.read(ReadDataStream(BytesIO(body)))
@@ -400,9 +402,9 @@ class McapFile:
         elif crc and zlib.crc32(data) != crc:
             self._lose_chunk(at, f"{where} is damaged: its CRC does not match")
         else:
-            yield from self._messages(data, at, window)
+            yield from self._messages(data, at, window, has_crc=crc != 0)
 
-    def _messages(self, data: bytes, at: int, window: Window) -> Iterator[Message]:
+    def _messages(self, data: bytes, at: int, window: Window, has_crc: bool = False) -> Iterator[Message]:
         """The messages among the records of a chunk."""
         topics, start_ns, end_ns = window.topics, window.start_ns, window.end_ns
         offset, end = 0, len(data)
@@ -416,7 +418,7 @@ class McapFile:
                 if stop > end:
                     raise struct.error
                 if opcode != message_op:
-                    self._take(opcode, data[offset + 9 : stop], at)
+                    self._take(opcode, data[offset + 9 : stop], at, has_crc)
                     offset = stop
                     continue
                 channel_id, sequence, log_ns, publish_ns = unpack(data, offset + 9)

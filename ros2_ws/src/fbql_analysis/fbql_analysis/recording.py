@@ -74,10 +74,10 @@ class Run:
         self._left_out: dict[str, int] = {}
         self._repeated = 0
         self._places = _Places(self.topics, namespace, str(self.files[0]))
-        self.behaviors = self._behaviors()
-        """Names of the behaviors, in the order in which they are fused."""
         self.config: dict[str, Any] = self._config()
         """config.yaml: versions, git_revision, parameters of each node. Empty where the recording has none."""
+        self.behaviors = self._behaviors()
+        """Names of the behaviors, in the order in which they are fused."""
 
     # What the run was
 
@@ -273,8 +273,12 @@ class Run:
     # What describes it
 
     def _behaviors(self) -> tuple[str, ...]:
-        """As the recording says; else as its first decision does; else the topics in their order."""
+        """As the parameters say, which a CRC covers; else as the recording does; else as its first decision does; else
+        the topics in their order."""
         there = tuple(self._places.behaviors)
+        told = self.parameters.get("fusion", {}).get("behaviors")
+        if isinstance(told, list) and told and all(isinstance(name, str) for name in told):
+            return tuple(told)
         for mcap in self._mcaps:
             for name, values in mcap.metadata.values():
                 if name == RUN_RECORD and values.get("behaviors"):

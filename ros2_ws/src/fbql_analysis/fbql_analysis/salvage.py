@@ -16,12 +16,12 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from fbql_common.core.errors import BadInput
+from fbql_common.core.recording_names import RUN_RECORD
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
@@ -41,7 +41,9 @@ from fbql_analysis.mcap_format import (
     inner_length,
     unpacked,
 )
-from fbql_analysis.salvage_channels import Descriptions
+from fbql_analysis.salvage_channels import Descriptions, Guard
+from fbql_analysis.salvage_losses import Loss, Losses
+from fbql_analysis.salvage_records import SoundMessage, Tally, is_sound_attachment, messages, sound_chunk, walk
 from fbql_analysis.salvage_summary import sound_summary
 
 _WINDOW = 2**20
@@ -50,36 +52,6 @@ _AHEAD = 2**16
 """Bytes behind a place that are looked at to tell whether it is a record."""
 # A kind from 1 to 15, and a length of at most MAX_RECORD_BYTES. A message has nothing else to be known by: 5 is left out.
 _HEADS = re.compile(rb"(?=[\x01-\x04\x06-\x0f]...[\x00-\x04]\x00{4})", re.DOTALL)
-
-
-class SoundMessage(NamedTuple):
-    """A message that is as it was recorded."""
-
-    channel: int
-    sequence: int
-    log_time_ns: int
-    publish_time_ns: int
-    data: bytes
-
-
-@dataclass
-class Loss:
-    """A part of a file that is lost."""
-
-    begin: int
-    end: int
-    """Bytes begin to end - 1."""
-    why: str
-    chunks: int = 0
-    start_ns: int | None = None
-    end_ns: int | None = None
-    """Log times that were in it, at most; None: not known."""
-    messages: dict[int, int] = field(default_factory=dict[int, int])
-    """Messages that were in it by channel: at least so many."""
-    attachment: str = ""
-    """The name of the attachment that it was."""
-    is_gap: bool = True
-    """Whether messages may be missing between those before and after it."""
 
 
 Content = SoundMessage | Attachment | Metadata | Loss
@@ -102,16 +74,6 @@ class _Place(NamedTuple):
     """Whether a CRC of its own says that it is sound."""
 
 
-class _Tally:
-    """The messages of one channel in one chunk."""
-
-    __slots__ = ("count", "first", "last")
-
-    def __init__(self, sequence: int) -> None:
-        self.count = 0
-        self.first = self.last = sequence
-
-
 class Survey:
     """What is sound in one MCAP file.
 
@@ -125,14 +87,10 @@ class Survey:
 
     def __init__(self, path: Path, progress: Callable[[int], None]) -> None:
         self.path = path
-        self.losses: list[Loss] = []
-        """In the order of the file."""
         self.notes: list[str] = []
         """What is damaged and costs nothing, a line each."""
         self.topics: dict[int, Topic] = {}
         """By channel id."""
-        self.counts: Counter[int] = Counter()
-        """Sound messages by channel id."""
         self.unchecked = 0
         """Chunks, and messages outside of chunks, that have no CRC: whether they are sound can't be told."""
         self.has_end = False
@@ -141,11 +99,7 @@ class Survey:
         self._places: list[_Place] = []
         self._descriptions = Descriptions()
         self._profile: str | None = None
-        self._last: dict[int, tuple[int, int]] = {}
-        self._uncounted: set[int] = set()
-        self._by_sequence: list[tuple[int, int, int]] = []
-        self._by_index: Counter[tuple[int, int]] = Counter()
-        self._indexes_to_come: dict[int, int] = {}
+        self._losses = Losses()
         self._data_end: tuple[int, int] | None = None
         try:
             self.size = path.stat().st_size
@@ -170,6 +124,16 @@ class Survey:
             if place.kind in (Opcode.ATTACHMENT, Opcode.METADATA):
                 with self.path.open("rb") as file:
                     yield from self._content(file, place)  # pyright: ignore[reportReturnType]
+
+    @property
+    def losses(self) -> list[Loss]:
+        """What is lost, in the order of the file."""
+        return [loss for loss in self._losses.found if loss.chunks or not loss.is_suspected]
+
+    @property
+    def counts(self) -> Counter[int]:
+        """Sound messages by channel id."""
+        return self._losses.counts
 
     @property
     def chunks_lost(self) -> int:
@@ -258,6 +222,10 @@ class Survey:
                 return end
             if opcode >= FIRST_PRIVATE and self._is_record(self._read(end, _AHEAD), 0, end):
                 return end
+        if MAX_RECORD_BYTES < length < self.size - begin and self._is_record(self._read(end, _AHEAD), 0, end):
+            # Behind it there is a record: its length is right.
+            self._lose(Loss(at, end, f"the record at byte {at} is larger than {MAX_RECORD_BYTES >> 20} MiB"))
+            return end
         if opcode in (Opcode.CHUNK, Opcode.ATTACHMENT):
             if end > self.size and has_layout(opcode, self._read(begin, _AHEAD), 0, length):
                 # It tells its length twice: the file was cut off in the middle of it.
@@ -274,7 +242,7 @@ class Survey:
             return None
         body = self._read(begin, size)
         is_chunk = opcode == Opcode.CHUNK
-        if chunk_head(body).crc == 0 or self._unpack(body) is None if is_chunk else not _has_crc(body):
+        if chunk_head(body).crc == 0 or sound_chunk(body) is None if is_chunk else not is_sound_attachment(body):
             return None
         self.notes.append(f"the length of the record at byte {at} is damaged; its content is sound")
         self._take(opcode, body, at, begin + size)
@@ -318,95 +286,51 @@ class Survey:
         if opcode == Opcode.CHUNK:
             self._take_chunk(body, at, end)
         elif opcode == Opcode.MESSAGE_INDEX:
-            self._take_index(body)
+            follows_loss = bool(self._places) and self._places[-1].kind == 0
+            self._put_in_place(self._losses.take_index(body, at, follows_loss))
         elif opcode == Opcode.ATTACHMENT:
             self._take_attachment(body, at, end)
         elif opcode == Opcode.METADATA:
             self._places.append(_Place(opcode, at, end))
+            self._losses.is_numbered |= Metadata.read(stream).name == RUN_RECORD
         elif opcode == Opcode.SCHEMA:
-            self._descriptions.add(Schema.read(stream), False)
+            self._descriptions.add(Schema.read(stream), self._guard)
         elif opcode == Opcode.CHANNEL:
-            self._descriptions.add(Channel.read(stream), False)
+            self._descriptions.add(Channel.read(stream), self._guard)
         elif opcode == Opcode.HEADER and self._profile is None:
             (length,) = struct.unpack_from("<I", body)
             self._profile = body[4 : 4 + length].decode()
         elif opcode == Opcode.DATA_END:
             self._data_end = at, int.from_bytes(body, "little")
 
+    @property
+    def _guard(self) -> Guard:
+        """What guards what is outside of chunks here."""
+        return Guard.DATA if self._data_end is None else Guard.NOTHING
+
     def _take_chunk(self, body: bytes, at: int, end: int) -> None:
-        self._indexes_to_come = {}
         head = chunk_head(body)
-        found = self._unpack(body)
+        found = sound_chunk(body)
         if found is None:
             why = "its CRC does not match" if head.codec in CODECS else f"it is compressed by '{head.codec}'"
             self._lose(Loss(at, end, f"the chunk at byte {at} is damaged: {why}", 1, head.start_ns, head.end_ns))
             return
         codec, data = found
         try:
-            tallies, descriptions = _walk(data)
+            tallies, descriptions = walk(data)
         except (struct.error, ValueError):
             why = f"the chunk at byte {at} is damaged: its records are no such"
             self._lose(Loss(at, end, why, 1, head.start_ns, head.end_ns))
             return
         for record in descriptions:
-            self._descriptions.add(record, head.crc != 0)
+            self._descriptions.add(record, Guard.CRC if head.crc else self._guard)
         self.unchecked += head.crc == 0
-        for channel, tally in tallies.items():
-            self._count(channel, tally)
-            self._indexes_to_come[channel] = tally.count
+        self._put_in_place(self._losses.count(tallies, at))
         place = _Place(Opcode.CHUNK, at, end, codec, at + HEAD.size + head.begin, len(data), head.crc != 0)
         self._places.append(place)
 
-    def _unpack(self, body: bytes) -> tuple[str, bytes] | None:
-        """What a chunk is really packed with, and its records; None where no reading of it is sound.
-
-        Its size and the name of its compression may be what is damaged: its CRC tells.
-        """
-        head = chunk_head(body)
-        packed = body[head.begin :]
-        codecs = [head.codec] if head.crc == 0 else sorted(CODECS, key=lambda codec: codec != head.codec)
-        sizes = [size for size in {head.size: 0, MAX_RECORD_BYTES: 0} if size <= MAX_RECORD_BYTES]
-        for codec in codecs:
-            for size in sizes:
-                if codec not in CODECS or (size != head.size and head.crc == 0):
-                    continue
-                try:
-                    data = unpacked(codec, packed, size)
-                except ValueError:
-                    continue
-                if len(data) <= size and (zlib.crc32(data) == head.crc if head.crc else len(data) == head.size):
-                    return codec, data
-        return None
-
-    def _count(self, channel: int, tally: _Tally) -> None:
-        """Counts a chunk's messages of a channel; their sequence tells how many are missing, where it counts them."""
-        self.counts[channel] += tally.count
-        last, losses = self._last.get(channel, (0, 0))
-        missing = tally.first - last - 1
-        if missing < 0 or (missing and losses == len(self.losses)) or tally.last - tally.first + 1 != tally.count:
-            self._uncounted.add(channel)
-        elif missing:
-            since = [index for index in range(losses, len(self.losses)) if not self.losses[index].attachment]
-            self._by_sequence += [(index, channel, missing) for index in since[-1:]]
-        self._last[channel] = tally.last, len(self.losses)
-
-    def _take_index(self, body: bytes) -> None:
-        """A message index: that of a chunk that is lost tells how many messages it had."""
-        channel, size = struct.unpack_from("<HI", body)
-        if self._indexes_to_come.pop(channel, None) == size // 16 or not self.losses:
-            return
-        loss = self.losses[-1]
-        if self._places[-1].kind != 0:
-            return
-        times = struct.unpack_from(f"<{size // 8}Q", body, 6)[::2]
-        if times:
-            loss.start_ns = min(times) if loss.start_ns is None else min(loss.start_ns, *times)
-            loss.end_ns = max(times) if loss.end_ns is None else max(loss.end_ns, *times)
-        loss.chunks = max(loss.chunks, 1)
-        self._by_index[len(self.losses) - 1, channel] += len(times)
-
     def _take_attachment(self, body: bytes, at: int, end: int) -> None:
-        if body[-4:] != bytes(4) and not _has_crc(body):
+        if body[-4:] != bytes(4) and not is_sound_attachment(body):
             known = None if self._summary is None else self._summary.attachments.get(at)
             name = Attachment.read(ReadDataStream(BytesIO(body))).name if known is None else known.name
             self._lose(Loss(at, end, f"the CRC of attachment {name} does not match", attachment=name))
@@ -416,9 +340,7 @@ class Survey:
     def _take_message(self, body: bytes, at: int, end: int) -> None:
         """A message outside of a chunk. It has no CRC of its own."""
         channel, sequence, _, _ = MESSAGE.unpack_from(body)
-        tally = _Tally(sequence)
-        tally.count = 1
-        self._count(channel, tally)
+        self._put_in_place(self._losses.count({channel: Tally(sequence, 1)}, at))
         self.unchecked += 1
         last = self._places[-1] if self._places else None
         if last is not None and last.kind == Opcode.MESSAGE and last.end == at:
@@ -429,8 +351,15 @@ class Survey:
     # What is lost
 
     def _lose(self, loss: Loss) -> None:
-        self._places.append(_Place(0, len(self.losses), loss.end))
-        self.losses.append(loss)
+        if loss.chunks:
+            self._losses.forget_indexes()
+        self._losses.found.append(loss)
+        self._put_in_place(loss)
+
+    def _put_in_place(self, loss: Loss | None) -> None:
+        """The last loss is here, between what is sound before and after it."""
+        if loss is not None:
+            self._places.append(_Place(0, len(self._losses.found) - 1, loss.end))
 
     def _skip(self, at: int, end: int) -> None:
         """There is no record from `at` on; `end` is where the next one is."""
@@ -464,20 +393,17 @@ class Survey:
         all_channels = None
         if summary is not None:
             for record in (*summary.schemas, *summary.channels):
-                self._descriptions.add(record, True)
+                self._descriptions.add(record, Guard.CRC)
             if summary.channels:
                 all_channels = {channel.id for channel in summary.channels}
         self.topics = self._descriptions.topics(data_is_sound is True, all_channels)
         self.notes += self._descriptions.notes
         if self._profile not in PROFILES:
             self._check_encodings()
-        self._tell_how_many()
+        self._losses.conclude(data_is_sound is True)
         self._drop_undescribed()
-        self._tell_when()
         if self._is_all_there():
-            self.notes += [loss.why for loss in self.losses]
-            self._places = [place for place in self._places if place.kind != 0]
-            self.losses = []
+            self._forgive()
         if not self.counts.total() and not (self.has_end and not self.losses):
             raise BadInput(f"{self.path}: no message in it is sound; there is nothing to recover")
 
@@ -501,13 +427,15 @@ class Survey:
             if place.has_crc:
                 kept.append(place)
                 continue
-            kept.append(_Place(0, len(self.losses), place.end))
+            kept.append(_Place(0, len(self._losses.found), place.end))
             why = f"bytes {place.at} to {place.end - 1}: the CRC of the file's data does not match, and they have no other"
             lost: Counter[int] = Counter()
             for message in self._messages_at(self._file, place):
                 lost[message.channel] += 1
-            self.counts -= lost
-            self.losses.append(Loss(place.at, place.end, why, int(place.kind == Opcode.CHUNK), messages=dict(lost)))
+            self.counts.subtract(lost)
+            self._losses.found.append(
+                Loss(place.at, place.end, why, int(place.kind == Opcode.CHUNK), messages=dict(lost))
+            )
         self._places = kept
 
     def _check_encodings(self) -> None:
@@ -517,29 +445,15 @@ class Survey:
             raise BadInput(f"{self.path}: its profile is '{self._profile}'; recordings of ROS 2 have 'ros2'")
         self.notes.append("its header is damaged; its messages are those of ROS 2")
 
-    def _tell_how_many(self) -> None:
-        for (index, channel), count in self._by_index.items():
-            self.losses[index].messages[channel] = count
-        for index, channel, count in self._by_sequence:
-            if channel not in self._uncounted:
-                self.losses[index].messages[channel] = count
-                self.losses[index].chunks = max(self.losses[index].chunks, 1)
-        for loss in self.losses:
-            loss.is_gap = bool(loss.chunks or loss.messages or (self._uncounted and not loss.attachment))
-
     def _drop_undescribed(self) -> None:
         """Messages of channels that are not described for certain can't be used."""
         for channel in [channel for channel in self.counts if channel not in self.topics]:
             why = self._descriptions.lost.get(channel, f"channel {channel} is not described")
             count = self.counts.pop(channel)
             if count:
-                self.losses.append(Loss(0, self.size, f"{count} messages: {why}", messages={channel: count}))
-
-    def _tell_when(self) -> None:
-        """Chunk heads have no CRC: times that can't be are not told."""
-        for loss in self.losses:
-            if loss.start_ns is not None and loss.end_ns is not None and loss.start_ns > loss.end_ns:
-                loss.start_ns = loss.end_ns = None
+                # The gap is everywhere: from the first message on.
+                self._places.insert(0, _Place(0, len(self._losses.found), 0))
+                self._losses.found.append(Loss(0, self.size, f"{count} messages: {why}", messages={channel: count}))
 
     def _is_all_there(self) -> bool:
         """Whether a sound summary says that nothing is lost but what is of no worth."""
@@ -551,11 +465,17 @@ class Survey:
         recorded = {channel: count for channel, count in summary.statistics.channel_message_counts.items() if count}
         return wanted <= found and recorded == {channel: count for channel, count in self.counts.items() if count}
 
+    def _forgive(self) -> None:
+        """Nothing is missing: what was damaged was of no worth."""
+        self.notes += [loss.why for loss in self.losses if not loss.is_suspected]
+        self._places = [place for place in self._places if place.kind != 0]
+        self._losses.found.clear()
+
     # What is there
 
     def _content(self, file: BinaryIO, place: _Place) -> Iterator[Content]:
         if place.kind == 0:
-            yield self.losses[place.at]
+            yield self._losses.found[place.at]
             return
         if place.kind in (Opcode.CHUNK, Opcode.MESSAGE):
             topics = self.topics
@@ -575,7 +495,7 @@ class Survey:
     def _messages_at(self, file: BinaryIO, place: _Place) -> Iterator[SoundMessage]:
         if place.kind == Opcode.CHUNK:
             file.seek(place.begin)
-            yield from _messages(unpacked(place.codec, file.read(place.end - place.begin), place.size))
+            yield from messages(unpacked(place.codec, file.read(place.end - place.begin), place.size))
             return
         at = place.at
         while at < place.end:
@@ -583,50 +503,4 @@ class Survey:
             head = file.read(HEAD.size)
             size = HEAD.unpack(head)[1]
             at += HEAD.size + size
-            yield from _messages(head + file.read(size))
-
-
-def _has_crc(attachment: bytes) -> bool:
-    """Whether the CRC of an attachment's body matches."""
-    return len(attachment) >= 4 and attachment[-4:] == zlib.crc32(attachment[:-4]).to_bytes(4, "little")
-
-
-def _walk(data: bytes) -> tuple[dict[int, _Tally], list[Schema | Channel]]:
-    """How many messages of which channels a chunk has, and what it describes. Raises struct.error or ValueError."""
-    tallies: dict[int, _Tally] = {}
-    descriptions: list[Schema | Channel] = []
-    offset, end = 0, len(data)
-    head, unpack, message_op = HEAD.unpack_from, struct.Struct("<HI").unpack_from, int(Opcode.MESSAGE)
-    while offset < end:
-        opcode, length = head(data, offset)
-        begin, offset = offset + 9, offset + 9 + length
-        if offset > end:
-            raise ValueError("a record is cut off")
-        if opcode == message_op:
-            if length < MESSAGE.size:
-                raise ValueError("a message is too short")
-            channel, sequence = unpack(data, begin)
-            tally = tallies.get(channel)
-            if tally is None:
-                tally = tallies[channel] = _Tally(sequence)
-            tally.count += 1
-            tally.last = sequence
-        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            if not has_layout(opcode, data, begin, offset):
-                raise ValueError("a description is damaged")
-            stream = ReadDataStream(BytesIO(data[begin:offset]))
-            descriptions.append(Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream))
-    return tallies, descriptions
-
-
-def _messages(data: bytes) -> Iterator[SoundMessage]:
-    """The messages among records that are known to be sound."""
-    offset, end = 0, len(data)
-    head, unpack, message_op = HEAD.unpack_from, MESSAGE.unpack_from, int(Opcode.MESSAGE)
-    begin = HEAD.size + MESSAGE.size
-    while offset < end:
-        opcode, length = head(data, offset)
-        stop = offset + 9 + length
-        if opcode == message_op:
-            yield SoundMessage(*unpack(data, offset + 9), data[offset + begin : stop])
-        offset = stop
+            yield from messages(head + file.read(size))
