@@ -154,7 +154,7 @@ def _behavior_rows(trees: str, found: Sequence[Mapping[str, Any]]) -> list[Row]:
             [each[name]["after"][measure_name] for each in found],
         )
         for name in EXERCISES
-        for measure_name in found[0][name]["before"]
+        for measure_name in sorted(found[0][name]["before"], key=lambda each: (each != EXERCISES[name].measure, each))
     ]
 
 
