@@ -75,7 +75,9 @@ class SetUp:
                 todo.append((text, lambda step: self.make_venv(interpreter, step)))
             entries = [virtual.requirements(self.target.lock_of(each).read_text()) for each in self.purposes()]
             count = len({name for each in entries for name in each})
-            todo.append((f"installing {count} packages", self.install))
+            # Studies, and cart of induce.py, are the one reason for a command that worked before to install again.
+            why = f" of {self.target.study_lock.name}, once" if "study" in self.purposes() else ""
+            todo.append((f"installing {count} packages{why}", self.install))
         stale = self.stale_packages()
         if stale:
             self.check_build_tools(stale)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -37,6 +37,14 @@ _SAY_STEPS = 1024
 _SHOWN_EPISODES = 40
 _ENDLESS = {"episodes": 0, "goals": 0}
 """The recording says when a run is over."""
+_SUBSUMPTIONS = frozenset({"preset", "wall_threshold_m", "approach_threshold_rad", "layers"})
+_LITERALS = frozenset(
+    {
+        *("learning_rate", "discount", "weight_gain", "weight_offset", "gain_low", "gain_high", "weight_floor"),
+        *("tie_rule", "initial_q"),
+    }
+)
+"""Parameters that one controller alone has; those of fbql begin with its name."""
 
 
 def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
@@ -62,6 +70,7 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
                 line.show(f"{index} of {total} steps")
     if not tallies.whole.steps:
         raise BadInput(f"{run.path}: no step in it; there is nothing to compute")
+    notes += _without_part(changes, parameters.controller, session.guided > 0)
     what = ", ".join(f"{name}={now}" for name, (_, now) in changes.items())
     trees = f"trees of {', '.join(behaviors)} from {arguments.trees}" if behaviors else ""
     title = "; ".join(part for part in (what, trees) if part) or "nothing is changed"
@@ -96,6 +105,24 @@ def _changed(recorded: FusionParameters, arguments: argparse.Namespace) -> Fusio
     parameters = from_mapping(FusionParameters, values, PROGRAM)
     check_fusion(parameters, PROGRAM)
     return parameters
+
+
+def _without_part(changes: Iterable[str], controller: str, guided: bool) -> list[str]:
+    """A line for each changed parameter that the controller in force does not have."""
+    notes: list[str] = []
+    for name in changes:
+        if name in _SUBSUMPTIONS:
+            owner = "subsumption"
+        elif name in _LITERALS:
+            owner = "fbql_literal"
+        elif name.startswith("fbql_"):
+            owner = "fbql"
+        else:
+            continue
+        # Subsumption is the guide as well.
+        if owner != controller and not (owner == "subsumption" and guided):
+            notes.append(f"{name} plays no part: it is a parameter of {owner}, and the controller is {controller}")
+    return notes
 
 
 def _policy(

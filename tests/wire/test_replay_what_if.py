@@ -159,6 +159,24 @@ def test_a_policy_is_left_out_where_it_is_another_controllers(learned, tmp_path,
     assert notes == ["the run's policy is another controller's and is left out"]
 
 
+def test_a_parameter_of_another_controller_plays_no_part_and_that_is_said(layered, learned, capsys):
+    found = what_if(layered, capsys, "--set", "weight_gain=0.05", "--set", "fbql_rate=0.2")
+    assert found["steps_that_differ"] == 0
+    assert sorted(found["notes"]) == [
+        "fbql_rate plays no part: it is a parameter of fbql, and the controller is subsumption",
+        "weight_gain plays no part: it is a parameter of fbql_literal, and the controller is subsumption",
+    ]
+    assert main([str(layered), "--set", "weight_gain=0.05"]) == 0
+    assert capsys.readouterr().out.endswith(f"{found['notes'][-1]}\n")
+    assert what_if(layered, capsys, "--preset", "paper")["notes"] == []
+    # Subsumption guides the run that learned.
+    assert what_if(learned, capsys, "--preset", "paper")["notes"] == []
+    unguided = what_if(learned, capsys, "--preset", "paper", "--set", "guided=0")
+    assert unguided["notes"] == [
+        "preset plays no part: it is a parameter of subsumption, and the controller is fbql_literal"
+    ]
+
+
 def test_the_figure_is_an_svg_with_a_curve_of_each(learned, capsys, tmp_path):
     figure = tmp_path / "figure.svg"
     what_if(learned, capsys, "--set", "weight_gain=0.05", "--figure", str(figure))
