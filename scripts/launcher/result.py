@@ -67,6 +67,8 @@ def next_steps(summary: Mapping[str, Any], run: Path) -> str:
     else:
         other = f"{bringup} --controller subsumption", "the same behaviors, by priorities instead"
     steps = [other, (f"{bringup} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
+    if summary["messages_recorded"]:
+        steps.append((f"python3 scripts/report.py {run}", "a page that shows what happened, step by step, and why"))
     if summary["messages_recorded"] and not summary["incomplete"]:
         steps.append((f"ros2 bag info {run}", f"what was recorded; Foxglove opens {run.name}_0.mcap in there"))
     return "\n".join(["", "Next:", *(f"  {command}\n      {meaning}" for command, meaning in steps)])

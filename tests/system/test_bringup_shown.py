@@ -117,6 +117,8 @@ def test_a_result_of_nothing_is_told_without_numbers() -> None:
 def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None:
     assert "python3 scripts/bringup.py\n" in next_steps(SUMMARY, tmp_path)
     assert f"ros2 bag info {tmp_path}" in next_steps(SUMMARY, tmp_path)
+    assert f"scripts/report.py {tmp_path}" in next_steps(SUMMARY, tmp_path)
+    assert "report.py" not in next_steps({**SUMMARY, "messages_recorded": 0}, tmp_path)
     for nothing_whole in ({"messages_recorded": 0}, {"incomplete": True}):
         assert "ros2 bag" not in next_steps({**SUMMARY, **nothing_whole}, tmp_path)
     (tmp_path / "policy.npz").touch()
