@@ -1,7 +1,14 @@
 """What all tests share."""
 
+import os
+from pathlib import Path
+
 from hypothesis import settings
 
 # The machine's other work must not fail a test: no deadline for one example.
 settings.register_profile("shared_machine", deadline=None)
 settings.load_profile("shared_machine")
+
+# Programs that a test starts find what the test itself finds.
+_PLACES = [str(Path(__file__).resolve().parents[1] / "scripts"), os.environ.get("PYTHONPATH", "")]
+os.environ["PYTHONPATH"] = os.pathsep.join(place for place in _PLACES if place)

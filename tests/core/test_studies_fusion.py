@@ -327,6 +327,7 @@ def test_weight_maps_hold_the_weights_of_every_place_and_of_nothing_learned_equa
 def test_one_worker_and_two_give_the_same_results_and_a_run_goes_on_where_one_was_stopped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
     arguments = ["ladder", *TINY, "--max-steps", "5", "--json", "--out"]
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     try:

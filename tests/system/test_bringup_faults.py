@@ -142,7 +142,7 @@ def test_a_full_disk_costs_the_recording_and_not_the_match(start: Start, tmp_pat
     disk, copy = tmp_path / "disk", tmp_path / "copy"
     disk.mkdir()
     before = in_namespace(f"mount -t tmpfs -o size=400k tmpfs '{disk}'", f"cp -a '{disk}/run' '{copy}'")
-    match = ("--episodes", "6", "--seed", "3", "--json")
+    match = ("--controller", "subsumption", "--episodes", "6", "--seed", "3", "--json")
     full = start(*match, "--out", str(disk / "run"), out=False, before=before)
     whole = start(*match, script="train.py")
     assert whole.exit_code() == 0

@@ -89,7 +89,7 @@ def test_single_nodes_composed_by_hand_in_a_namespace_play_a_match(start: Start,
     (out,) = (fusion.place / "runs").iterdir()
     summary = summary_of(out)
     assert summary["episodes"] == 1
-    launched = start("--episodes", "1", "--seed", "3", script="train.py")
+    launched = start("--controller", "subsumption", "--episodes", "1", "--seed", "3", script="train.py")
     assert launched.exit_code() == 0
     assert summary["digest"] == summary_of(launched.out)["digest"]
     assert [row["steps"] for row in episodes_of(out)] == [str(summary["steps"])]
