@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
+from copy import copy
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,7 @@ def qos_of(topic: Topic) -> QoSProfile:
     try:
         profiles = yaml.safe_load(text)
         if not profiles:
-            return deepcopy(STEP_QOS)  # a profile can be changed, and this one is everybody's
+            return copy(STEP_QOS)  # a profile can be changed, and this one is everybody's
         offered: dict[str, Any] = profiles[0]
         # `ros2 bag` can't know the history of others, and records "unknown" with depth 0.
         history = _policy(HistoryPolicy, offered["history"])
