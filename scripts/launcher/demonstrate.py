@@ -21,6 +21,7 @@ from fbql_behaviors.core.patterns import Demonstration, patterns_of
 from fbql_behaviors.core.recipes import recipe_of
 from fbql_common.core.errors import BadInput
 
+from launcher.counted import counted
 from launcher.demonstration_merge import merge, recordings_of
 from launcher.demonstration_origins import Origin, about_origins
 from launcher.demonstration_recording import save_demonstrations
@@ -121,7 +122,9 @@ def _replay(arguments: argparse.Namespace) -> int:
     if verification.first_difference:
         print(f"{PROGRAM}: {verification.first_difference}", file=sys.stderr)
     elif verification.without_start:
-        unknown = f"{verification.without_start} of {len(demonstrations)} demonstrations do not say how they began"
+        unknown = (
+            f"{verification.without_start} of {counted(len(demonstrations), 'demonstration')} do not say how they began"
+        )
         print(f"{PROGRAM}: {unknown}: they cannot be driven again", file=sys.stderr)
     else:
         print(f"driven again: all {verification.steps} steps are the same, bit for bit", file=sys.stderr)
@@ -146,8 +149,7 @@ def _tell(
     """Says what there is now, and what comes next."""
     recipe = recipe_of(behavior)
     patterns = len(patterns_of(demonstrations, observation_of(behavior), recipe.every, recipe.patterns))
-    several = "s" if len(demonstrations) > 1 else ""
-    print(f"{len(demonstrations)} demonstration{several}, {patterns} patterns: {path}", file=sys.stderr)
+    print(f"{counted(len(demonstrations), 'demonstration')}, {counted(patterns, 'pattern')}: {path}", file=sys.stderr)
     if arguments.json:
         result = {"demonstrations": len(demonstrations), "patterns": patterns, "path": str(path), **(more or {})}
         print_result(json.dumps(result))
@@ -157,7 +159,12 @@ def _tell(
 
 def _progress(count: int) -> Callable[[int], None]:
     def show(made: int) -> None:
-        print(f"\r{made} of {count} demonstrations", end="\n" if made == count else "", file=sys.stderr, flush=True)
+        print(
+            f"\r{made} of {counted(count, 'demonstration')}",
+            end="\n" if made == count else "",
+            file=sys.stderr,
+            flush=True,
+        )
 
     return show if sys.stderr.isatty() else lambda _: None
 
