@@ -14,7 +14,7 @@ from launcher.domains import domain_from
 from launcher.graph import Mode
 from launcher.in_process import rehearse
 from launcher.interrupts import Interrupted, Interrupts
-from launcher.options import Match, Parser, make_run_directory, match_from, match_parser
+from launcher.options import Match, Parser, make_run_directory, match_from, match_parser, same_behaviors
 from launcher.panel import Panel, print_result
 from launcher.result import next_steps, summary_text
 from launcher.supervision import BAD_INPUT, FAILED, INCOMPLETE, Supervision
@@ -114,7 +114,7 @@ def _tell(match: Match, code: int, panel: Panel, interrupts: Interrupts) -> int:
     if interrupts.came:
         panel.say(f"ended by {interrupts.name}; what was played until then is complete")
     summary = json.loads(path.read_text())
-    text = f"{summary_text(summary, run, match.simulation.dt_s)}\n{next_steps(summary, run)}"
+    text = f"{summary_text(summary, run, match.simulation.dt_s)}\n{next_steps(summary, run, same_behaviors(match))}"
     try:
         print_result(json.dumps(summary) if match.json else text)
     except OSError as error:

@@ -200,6 +200,21 @@ def _out(out: Path | None, fusion: FusionParameters) -> Path:
     return next(RUNS / name for name in names if not (RUNS / name).exists())
 
 
+def same_behaviors(match: Match) -> str:
+    """The options that a command needs to have the behaviors and trees of a match again; each after a space."""
+    words = [f"--observation {source}" for source in match.observations.values()]
+    directory = next(iter(match.behaviors.values())).parent
+    if directory != shipped_trees().resolve():
+        words.append(f"--trees {directory}")
+    usual = FusionParameters()
+    words += [
+        f"--set {name}={','.join(getattr(match.fusion, name))}"
+        for name in ("behaviors", "layers")
+        if getattr(match.fusion, name) != getattr(usual, name)
+    ]
+    return "".join(f" {word}" for word in words)
+
+
 def make_run_directory(path: Path) -> None:
     """Makes the run directory, and for one in runs/ of this checkout that directory as well.
 

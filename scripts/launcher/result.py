@@ -54,9 +54,9 @@ def _pace(summary: Mapping[str, Any], dt_s: float) -> str:
     return f" in {summary['wall_s']:.1f} s: {rate:.0f} steps/s, {rate * dt_s:.3g} times real time"
 
 
-def next_steps(summary: Mapping[str, Any], run: Path) -> str:
-    """What to type next."""
-    bringup = "python3 scripts/bringup.py"
+def next_steps(summary: Mapping[str, Any], run: Path, same: str = "") -> str:
+    """What to type next. `same`: the options by which bringup has the same behaviors and trees again."""
+    bringup = f"python3 scripts/bringup.py{same}"
     if (run / "policy.npz").is_file():
         other = (
             f"{bringup} --controller {summary['controller']} --policy {run / 'policy.npz'}",

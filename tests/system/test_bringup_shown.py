@@ -122,5 +122,7 @@ def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None
     for nothing_whole in ({"messages_recorded": 0}, {"incomplete": True}):
         assert "ros2 bag" not in next_steps({**SUMMARY, **nothing_whole}, tmp_path)
     (tmp_path / "policy.npz").touch()
+    again = next_steps(SUMMARY, tmp_path, " --trees mine")
+    assert f"python3 scripts/bringup.py --trees mine --controller {SUMMARY['controller']} --policy" in again
     learned = next_steps({**SUMMARY, "controller": "fbql_literal"}, tmp_path)
     assert f"--controller fbql_literal --policy {tmp_path}/policy.npz" in learned
