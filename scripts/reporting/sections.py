@@ -42,27 +42,24 @@ def tiles(contents: Contents) -> str:
     """The result in numbers, counted from the recording."""
     episodes = counted(contents.episodes)
     outcomes = [episode.outcome for episode in episodes]
+    known = any(outcomes)
     goals = outcomes.count("goal")
     steps = sum(episode.steps for episode in episodes)
     guided = len(contents.episodes) - len(episodes)
+
+    def number(outcome: str) -> str:
+        return f"{outcomes.count(outcome)}" if known else NOT_AVAILABLE
+
     values = [
         ("episodes", f"{len(episodes)}", f"and {guided} guided, not counted" if guided else ""),
-        ("goals", f"{goals}", _share(goals, len(episodes))),
-        ("own goals", f"{outcomes.count('own_goal')}", ""),
-        ("time limits", f"{outcomes.count('timeout')}", ""),
-        (
-            "steps a goal",
-            f"{steps / goals:.0f}" if goals else NOT_AVAILABLE,
-            "of all episodes",
-        ),
+        ("goals", number("goal"), f"{100 * goals / len(episodes):.0f} % of the episodes" if known else ""),
+        ("own goals", number("own_goal"), ""),
+        ("time limits", number("timeout"), ""),
+        ("steps a goal", f"{steps / goals:.0f}" if goals else NOT_AVAILABLE, "of all episodes"),
         ("collisions", _sum(episode.collisions_begun for episode in episodes), "with a wall"),
     ]
-    parts = [f"<li><b>{number}</b> {name}<small>{note}</small></li>" for name, number, note in values]
+    parts = [f"<li><b>{value}</b> {name}<small>{note}</small></li>" for name, value, note in values]
     return f'<ul class="tiles">{"".join(parts)}</ul>'
-
-
-def _share(part: int, whole: int) -> str:
-    return f"{100 * part / whole:.0f} % of the episodes" if whole else ""
 
 
 def _sum(values: Iterable[int | None]) -> str:

@@ -43,7 +43,7 @@ def hostile_run(path: Path) -> Path:
         "git_revision": HOSTILE,
         "parameters": {
             HOSTILE: {HOSTILE: [HOSTILE]},
-            "fusion": {"seed": HOSTILE, "layers": [HOSTILE], "behaviors": [HOSTILE]},
+            "fusion": {"controller": HOSTILE, "seed": HOSTILE, "layers": [HOSTILE], "behaviors": [BEHAVIOR]},
         },
     }
     attachments = [

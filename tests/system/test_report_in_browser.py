@@ -16,6 +16,7 @@ from fbql_behaviors.storage import load_tree
 from hostile_run import hostile_run
 from recorded_match import TREES, record_match
 from reporting.page import write_page
+from rewritten_run import rewrite
 
 BROWSER = browser_path()
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome on this machine")
@@ -330,6 +331,30 @@ def test_a_hostile_recording_runs_nothing(one_browser, tmp_path):
     assert not [name for name, _ in one_browser.events if name == "Page.javascriptDialogOpening"]
     assert one_browser.complaints == []
     assert one_browser.requests == [page.as_uri()]
+
+
+WORLD, DECISION = "/world", "/fusion/decision"
+
+
+@pytest.mark.parametrize(
+    "kept", [{WORLD}, {DECISION}, {WORLD, "/behaviors/approaching"}], ids=["world", "decision", "both"]
+)
+def test_what_was_not_recorded_is_not_available(one_browser, recorded, tmp_path, kept):
+    copy = rewrite(recorded, tmp_path / "run", lambda message: message.data if message.topic in kept else None)
+    page = page_of(copy, tmp_path / "page.html")
+    one_browser.events.clear()
+    one_browser.open(page.as_uri())
+    one_browser.wait_for(READY, "the page to be ready")
+    settle(one_browser)
+    assert fact(one_browser, "command") == "n/a left, n/a right [rad/s]"
+    assert (fact(one_browser, "robot at") == "n/a, n/a m") == (WORLD not in kept)
+    assert (fact(one_browser, "joint state") == "(n/a, n/a, n/a)") == (DECISION not in kept)
+    assert ("goal (n/a)" in text(one_browser, "#jumps")) == (WORLD not in kept)
+    assert ("n/a goals" in text(one_browser, ".tiles")) == (WORLD not in kept)
+    cards = one_browser.evaluate("[...document.querySelectorAll('.behavior')].map((e) => e.textContent)")
+    answered = ["no answer was recorded" not in card for card in cards]
+    assert answered == [False, False, "/behaviors/approaching" in kept]
+    assert one_browser.complaints == []
 
 
 @pytest.mark.parametrize("damage", ["old browser", "damaged block"])

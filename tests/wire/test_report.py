@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
 import shutil
 import signal
@@ -22,7 +23,7 @@ from hostile_run import BEHAVIOR, HOSTILE, hostile_run
 from launcher.interrupts import NUMBERS
 from launcher.report import main
 from recorded_match import TREES, record_match
-from reporting.contents import UNIT
+from reporting.contents import UNIT, block_columns
 from reporting.texts import json_for_html, value_text
 
 LEARNING = {"controller": "fbql_literal", "guided": 1, "tie_rule": "first"}
@@ -274,6 +275,17 @@ def test_damage_leaves_no_page_behind_unless_it_is_skipped(run, tmp_path, capsys
     page = Page.of(run, out, "--skip-corrupt", code=3)
     assert 0 < page.data["steps"] < 6000
     assert "left out" in page.source
+
+
+def test_a_signal_ends_it_and_leaves_nothing_behind(learned, tmp_path, capsys, monkeypatch):
+    def signalled(contents, steps):
+        os.kill(os.getpid(), signal.SIGINT)
+        return block_columns(contents, steps)
+
+    monkeypatch.setattr("reporting.contents.block_columns", signalled)
+    assert main([str(learned), "--out", str(tmp_path / "page.html")]) == 1
+    assert "ended by SIGINT; nothing was written" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["nothing.mcap", "run/nothing"])

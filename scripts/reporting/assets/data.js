@@ -22,6 +22,11 @@ function flag(name, step) {
   return value(name, step) === 1;
 }
 
+/** Whether a column says yes in any step. */
+function anywhere(name) {
+  return columns.has(name) && columns.get(name).whole.includes(1);
+}
+
 /** An index that is stored in a column, or null for -1 and "n/a". */
 function place(name, step) {
   const number = value(name, step);

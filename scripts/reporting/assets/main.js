@@ -91,7 +91,7 @@ function mark(button, current) {
 
 function legend() {
   const entries = run.behaviors.map((name, k) => [signOf(k), name, colourOf(k)]);
-  entries.push(["━", "command, and the trail where all drive together", colours.ink], ["◉", "ball (its trail dashed)", colours.ball], ["✕", "closest wall point", colours.bad]);
+  entries.push(["━", "command, and the trail where no single behavior drives", colours.ink], ["◉", "ball (its trail dashed)", colours.ball], ["✕", "closest wall point", colours.bad]);
   byId("legend").replaceChildren(...entries.map(([sign, words, colour]) => {
     const shown = element("span", { text: sign, "aria-hidden": "true" });
     shown.style.color = colour;
@@ -129,7 +129,8 @@ function makeJumps(player) {
       buttons.push([button, name, direction]);
       return button;
     });
-    const count = name === "episode" ? run.episodes.length : player.targets[name].length;
+    const known = name === "episode" || anywhere("has_world");
+    const count = known ? player.targets[name].length : "n/a";
     byId("jumps").append(element("span", {}, before, element("b", { text: `${words} (${count})` }), after));
   }
   return buttons;

@@ -59,7 +59,7 @@ function rule(behavior, step) {
 function ruleText(behavior, step) {
   const found = rule(behavior, step);
   if (found !== null) return `${found[0]} → ${found[1]}`;
-  return place(`leaf_id.${behavior}`, step) === null ? "n/a: it did not answer" : "n/a: its tree is not in the recording";
+  return place(`leaf_id.${behavior}`, step) === null ? "n/a: no answer was recorded" : "n/a: its tree is not in the recording";
 }
 
 function sensed(behavior, step) {

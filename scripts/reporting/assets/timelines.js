@@ -32,6 +32,14 @@ class Strip {
     this.paint(this);
   }
 
+  /** Says that nothing is known of what it would show. */
+  missing() {
+    this.pen.fillStyle = colours.quiet;
+    this.pen.textAlign = "center";
+    this.pen.fillText("n/a", this.x(0.5), (this.top + this.bottom) / 2);
+    this.canvas.setAttribute("aria-label", `${this.caption.textContent}: n/a`);
+  }
+
   x(share) {
     return LEFT + share * this.inner;
   }
@@ -114,6 +122,7 @@ class Timelines {
   }
 
   weights(strip) {
+    if (!anywhere("has_decision")) return strip.missing();
     strip.axis(0, 1, [0, 0.5, 1]);
     const { first, count } = this.episode;
     const fills = run.behaviors.map((_, k) => hatched(strip.pen, k));
@@ -126,6 +135,7 @@ class Timelines {
   }
 
   rewards(strip) {
+    if (!anywhere("has_decision") && !anywhere("has_world")) return strip.missing();
     const { first, count } = this.episode;
     const found = [];
     const collisions = [];
@@ -192,6 +202,7 @@ class Timelines {
   }
 
   meanWeights(strip) {
+    if (!anywhere("has_decision")) return strip.missing();
     strip.axis(0, 1, [0, 0.5, 1]);
     const fills = run.behaviors.map((_, k) => hatched(strip.pen, k));
     this.each(strip, (episode, from, to, k) => stack(strip, from, to, this.means[k], fills));
@@ -201,6 +212,7 @@ class Timelines {
   bars(strip, name) {
     const numbers = run.episodes.map((episode) => episode[name]);
     const known = numbers.filter((each) => each !== null);
+    if (!known.length) return strip.missing();
     const [low, high] = [Math.min(0, ...known), Math.max(0, ...known)];
     strip.axis(low, high === low ? 1 : high, [...new Set([low, 0, high])]);
     this.each(strip, (episode, from, to, k) => {
