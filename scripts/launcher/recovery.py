@@ -16,7 +16,7 @@ from fbql_analysis.run_files import RunFiles, find_damaged_files
 from fbql_analysis.salvage import Loss, SoundMessage, Survey
 from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import COMPLETE, GAP_RECORD, LOST, RECOVERY_RECORD, RUN_RECORD
-from fbql_fusion.bag_metadata import BagTopic, qos_from_profiles
+from fbql_fusion.bag_metadata import BagTopic, profiles_from_text
 from fbql_fusion.mcap_writer import McapWriter, WriterChannel
 from fbql_fusion.recording import BAG_RECORD, CHUNK_BYTES, finish_bag
 from fbql_fusion.run_directory import create_run_directory
@@ -151,7 +151,7 @@ class _Writing:
                     topic.name,
                     topic.type_name,
                     topic.metadata.get(_HASH, ""),
-                    qos_from_profiles(topic.metadata.get(_PROFILES, "")),
+                    profiles_from_text(topic.metadata.get(_PROFILES, "")),
                     count,
                 )
                 for topic, count in zip(self._topics, writer.counts, strict=True)

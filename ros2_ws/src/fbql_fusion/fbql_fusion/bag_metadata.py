@@ -31,7 +31,8 @@ class BagTopic(NamedTuple):
     topic: str
     type_name: str
     type_hash: str
-    qos: Qos
+    qos_profiles: Sequence[Mapping[str, Any]]
+    """How it was offered, by each of its publishers."""
     messages: int
 
 
@@ -68,22 +69,16 @@ def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
 
 
 @lru_cache
-def qos_from_profiles(text: str) -> Qos:
-    """The first of `offered_qos_profiles`, in words (Jazzy) or numbers (before); the ordinary one where it is none."""
+def profiles_from_text(text: str) -> list[dict[str, Any]]:
+    """`offered_qos_profiles` as a recording has it, policies in words (Jazzy) or numbers (before); none where it is none.
+
+    They have to stay the same in every other respect: readers find a topic of the file in metadata.yaml by them.
+    """
     try:
-        offered: dict[str, Any] = yaml.safe_load(text)[0]
-        return Qos(
-            _word("history", offered),
-            int(offered["depth"]),
-            _word("reliability", offered),
-            _word("durability", offered),
-            _nanoseconds(offered["deadline"]),
-            _nanoseconds(offered["lifespan"]),
-            _word("liveliness", offered),
-            _nanoseconds(offered["liveliness_lease_duration"]),
-        )
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, IndexError):
-        return Qos()
+        profiles = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)) or []
+        return [{name: _in_words(name, value) for name, value in profile.items()} for profile in profiles]
+    except (yaml.YAMLError, AttributeError, TypeError, IndexError):
+        return []
 
 
 def bag_information(
@@ -120,7 +115,7 @@ def bag_information(
                     "name": topic.topic,
                     "type": topic.type_name,
                     "serialization_format": "cdr",
-                    "offered_qos_profiles": qos_profiles(topic.qos),
+                    "offered_qos_profiles": list(topic.qos_profiles),
                     "type_description_hash": topic.type_hash,
                 },
                 "message_count": topic.messages,
@@ -157,14 +152,9 @@ _WORDS = {
 """The policies of a quality of service in the order of their numbers in rmw."""
 
 
-def _word(policy: str, offered: Mapping[str, Any]) -> str:
-    """A policy in words. Raises KeyError, IndexError or ValueError."""
-    value, words = offered[policy], _WORDS[policy]
-    return words[words.index(value) if isinstance(value, str) else int(value)]
-
-
-def _nanoseconds(value: Mapping[str, int]) -> int:
-    return int(value["sec"]) * 1_000_000_000 + int(value["nsec"])
+def _in_words(policy: str, value: Any) -> Any:
+    """A policy in words; what is none as it is. Raises IndexError."""
+    return _WORDS[policy][value] if policy in _WORDS and isinstance(value, int) else value
 
 
 def _duration(nanoseconds: int) -> dict[str, int]:

@@ -218,7 +218,7 @@ class Recorder:
         self._writer.flush()
         self._attach(attachments)
         topics = [
-            BagTopic(channel.topic, channel.type_name, channel.type_hash, channel.qos, count)
+            BagTopic(channel.topic, channel.type_name, channel.type_hash, qos_profiles(channel.qos), count)
             for channel, count in zip(self._channels, self._writer.counts, strict=True)
         ]
         finish_bag(self._writer, self._fd, self.active_path, self.path, topics, self._custom_data)
