@@ -14,15 +14,18 @@ import pytest
 PLACE = Path(__file__).parents[1] / "system" / "read_with_node"
 
 
+MODULES = Path(os.environ.get("FBQL_NODE_MODULES", PLACE / "node_modules"))
+NODE = shutil.which("node")
+IS_THERE = NODE is not None and (MODULES / "@mcap" / "core").is_dir()
+
+
 def read_with_javascript(path: Path) -> dict[str, Any]:
     """What it finds in a file. Skips the test without Node.js or its modules."""
-    modules = Path(os.environ.get("FBQL_NODE_MODULES", PLACE / "node_modules"))
-    node = shutil.which("node")
-    if node is None or not (modules / "@mcap" / "core").is_dir():
-        pytest.skip(f"no Node.js, or no modules in {modules}: npm install --no-package-lock --prefix {PLACE}")
+    if not IS_THERE:
+        pytest.skip(f"no Node.js, or no modules in {MODULES}: npm install --no-package-lock --prefix {PLACE}")
     done = subprocess.run(
-        [node, PLACE / "read.cjs", path],
-        env=os.environ | {"NODE_PATH": str(modules)},
+        [NODE, PLACE / "read.cjs", path],
+        env=os.environ | {"NODE_PATH": str(MODULES)},
         capture_output=True,
         text=True,
         timeout=60,
