@@ -152,7 +152,9 @@ def _flipped(run: Path, data: bytes) -> Iterator[Case]:
                 if offset < HEAD_BYTES + size:
                     name = f"bit {bit} of byte {offset} of the {record.name} at {record.begin} flipped"
                     yield _case(run, name, partial(_flip, record.begin + offset, bit))
-            yield _case(run, f"last byte of the {record.name} at {record.begin} flipped", partial(_flip, record.end - 1, 0))
+            yield _case(
+                run, f"last byte of the {record.name} at {record.begin} flipped", partial(_flip, record.end - 1, 0)
+            )
     chunk = by_kind[Opcode.CHUNK][0]
     for offset, field in ((8, "start"), (24, "size"), (28, "crc"), (32, "length of the name"), (36, "name")):
         name = f"{field} of the first chunk flipped"
