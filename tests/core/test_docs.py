@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from fbql_behaviors.core.induction import InductionParameters
 from fbql_behaviors.core.instructors import Habits
+from fbql_behaviors.core.leaf_tuning import TuningParameters
 from fbql_behaviors.core.recipes import Recipe
 from fbql_fusion.core.fbql_parameters import FbqlParameters
 from fbql_fusion.core.parameters import PRESETS, FusionParameters
@@ -60,6 +61,7 @@ DECLARATIONS = {
         InductionParameters,
         Recipe,
         SimulationParameters,
+        TuningParameters,
     )
 }
 

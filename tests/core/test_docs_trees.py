@@ -17,12 +17,13 @@ from fbql_behaviors.core.patterns import Patterns, patterns_of
 from fbql_behaviors.core.recipes import RECIPES
 from launcher.instruct import instruct
 from launcher.make_trees import DEMONSTRATION_SEED, INDUCTION_SEED
+from studies.leaf_tuning import FRESH, PRINTED, SHIPPED
 from studies.tree_methods import FAMILIES
 from studies.tree_play import FIXED_ONLY, SETTINGS
 from studies.tree_words import SHOWN
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-SEEDS = {"trees": 10}
+SEEDS = {"trees": 10, "leaf_tuning": 5}
 """Study -> seeds that it must have at least."""
 
 
@@ -68,6 +69,14 @@ def test_the_data_of_trees_hold_every_method_behavior_and_setting_over_every_see
     assert {method for method, name in played if name in FIXED_ONLY} == methods
     assert {(method, name) for method in SHOWN for name in SETTINGS} - set(played) == {("one leaf", "re-tuned")}
     assert min(*made.values(), *played.values()) >= SEEDS["trees"]
+
+
+def test_the_data_of_leaf_tuning_hold_every_behavior_and_the_team_with_every_kind_of_trees() -> None:
+    rows = data("leaf_tuning")["table"]
+    assert {(row["trees"], row["tuned"]) for row in rows} == {
+        (trees, tuned) for trees in (SHIPPED, PRINTED, FRESH) for tuned in (*RECIPES, "all")
+    }
+    assert min(row["n"] for row in rows) >= SEEDS["leaf_tuning"]
 
 
 @cache
