@@ -66,6 +66,13 @@ class Episode:
             self.active.append(active)
 
 
+def minibatches(decisions: int, size: int, generator: np.random.Generator) -> Iterator[NDArray[np.int64]]:
+    """So many decisions in a random order, `size` at a time."""
+    order = generator.permutation(decisions)
+    for begin in range(0, decisions, size):
+        yield order[begin : begin + size]
+
+
 class Batch(NamedTuple):
     """N decisions of whole episodes."""
 
@@ -108,9 +115,7 @@ class Batch(NamedTuple):
 
     def minibatches(self, size: int, generator: np.random.Generator) -> Iterator[NDArray[np.int64]]:
         """All decisions in a random order, `size` at a time."""
-        order = generator.permutation(len(self.driver))
-        for begin in range(0, len(order), size):
-            yield order[begin : begin + size]
+        return minibatches(len(self.driver), size, generator)
 
     @staticmethod
     def to_arrays(episodes: Sequence[Episode]) -> dict[str, NDArray[Any]]:

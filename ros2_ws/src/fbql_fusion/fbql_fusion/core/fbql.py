@@ -19,13 +19,8 @@ from fbql_fusion.core.experience import Batch, Episode
 from fbql_fusion.core.generator_state import generator_state, set_generator_state
 from fbql_fusion.core.held_decisions import HeldDecisions, Holding, Judgement
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.policy_arrays import CAPACITY, check_arrays, grown, padded
+from fbql_fusion.core.policy_arrays import CAPACITY, MEAN_UPDATES, check_arrays, grown, mean_with, padded
 
-_FIRST_BATCH = 2
-_BATCH_GROWTH = 20
-"""Episodes after which a batch has one episode more."""
-_MEAN_UPDATES = 50
-"""The mean that is played goes over about so many updates."""
 _ALWAYS = {"counts": ("i", (3,)), "generator": ("u", (6,))}
 """Kind and shape of the arrays that every policy has."""
 
@@ -37,7 +32,11 @@ class Fbql(HeldDecisions):
 
     def __init__(self, parameters: FusionParameters, generator: np.random.Generator) -> None:
         holding = Holding(
-            parameters.fbql_hold_steps, parameters.fbql_play, parameters.fbql_patience, parameters.fbql_discount
+            parameters.fbql_hold_steps,
+            parameters.fbql_play,
+            parameters.fbql_patience,
+            parameters.fbql_discount,
+            parameters.fbql_batch_episodes,
         )
         super().__init__(parameters, holding, generator)
         n = self._behaviors
@@ -56,12 +55,9 @@ class Fbql(HeldDecisions):
         return eq.softmax(eq.preferences(self._table, active)), ()
 
     def _learn_waiting(self) -> None:
-        """A batch begins with few episodes, since the first ones are long and there is most to be learned."""
         if self._waiting[-1].guided:
             self._follow([self._waiting.pop()])
-            return
-        due = min(self._parameters.fbql_batch_episodes, _FIRST_BATCH + self._episodes / _BATCH_GROWTH)
-        if len(self._waiting) >= due:
+        elif self._is_batch():
             self._improve()
 
     def _learn_first(self) -> None:
@@ -126,11 +122,8 @@ class Fbql(HeldDecisions):
 
     def _average(self) -> None:
         """The mean of theta over the last updates, which is what plays when nothing is learned."""
-        m = len(self)
-        mean = padded(self._mean, m)
-        self._averaged = min(self._averaged + 1, _MEAN_UPDATES)
-        mean += (self._theta[:m] - mean) / self._averaged
-        self._mean = mean
+        self._averaged = min(self._averaged + 1, MEAN_UPDATES)
+        self._mean = mean_with(self._mean, self._theta[: len(self)], self._averaged)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Everything learned, and what an exact continuation takes: the generator, and the episodes that wait.
@@ -158,7 +151,7 @@ class Fbql(HeldDecisions):
         check_arrays(arrays, _ALWAYS)
         counts: list[int] = arrays["counts"].tolist()
         self._episodes, self._updates, self._averaged = counts
-        if not 0 <= self._averaged <= min(self._updates, _MEAN_UPDATES) or self._updates > self._episodes:
+        if not 0 <= self._averaged <= min(self._updates, MEAN_UPDATES) or self._updates > self._episodes:
             raise BadInput(f"the policy's array 'counts' is {counts}, which can't be")
         set_generator_state(self._generator, arrays["generator"])
         if arrays.keys() > _ALWAYS.keys() or self._updates:

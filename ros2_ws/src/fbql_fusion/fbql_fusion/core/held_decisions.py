@@ -25,6 +25,9 @@ from fbql_fusion.core.policy_arrays import check_arrays
 
 FIRST_EPISODES = 20
 """Episodes that the scales are made of where none is guided."""
+_FIRST_BATCH = 2
+_BATCH_GROWTH = 20
+"""Episodes after which a batch has one episode more."""
 
 Judgement = tuple[tuple[float, ...], tuple[float, ...]]
 """(weights, q) of a situation, each of length n; q is empty where nothing but weights is learned."""
@@ -41,6 +44,8 @@ class Holding(NamedTuple):
     """Decisions in the same joint state, in one episode, after which one is drawn there; 0: never."""
     discount: float
     """gamma, per step."""
+    batch_episodes: int
+    """Episodes learned from at a time, later on."""
 
 
 class HeldDecisions(ABC):
@@ -201,6 +206,10 @@ class HeldDecisions(ABC):
             self._episodes += 1
         if self._features is not None:
             self._learn_waiting()
+
+    def _is_batch(self) -> bool:
+        """Whether enough episodes wait. A batch begins with few: the first ones are long and there is most to be learned."""
+        return len(self._waiting) >= min(self._holding.batch_episodes, _FIRST_BATCH + self._episodes / _BATCH_GROWTH)
 
     def _look_back(self) -> None:
         """After the first episodes: makes the scales of what was sensed in them, and learns from them."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from fbql_fusion.core.controllers import Controller, FbqlLiteral, Subsumption, Uniform
 from fbql_fusion.core.fbql import Fbql
+from fbql_fusion.core.fbql_value import FbqlValue
 from fbql_fusion.core.parameters import FusionParameters
 
 
@@ -15,5 +16,6 @@ def make_controller(parameters: FusionParameters) -> Controller:
         return Subsumption(parameters)
     if parameters.controller == "uniform":
         return Uniform(parameters)
-    learner = Fbql if parameters.controller == "fbql" else FbqlLiteral
+    learners = {"fbql": Fbql, "fbql_value": FbqlValue, "fbql_literal": FbqlLiteral}
+    learner = learners[parameters.controller]
     return learner(parameters, np.random.default_rng(np.random.SeedSequence(parameters.seed, spawn_key=(0,))))

@@ -10,8 +10,9 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, parameter
 
 from fbql_fusion.core.fbql_parameters import FbqlParameters
+from fbql_fusion.core.fbql_value_parameters import FbqlValueParameters
 
-CONTROLLERS = ("fbql", "fbql_literal", "subsumption", "uniform")
+CONTROLLERS = ("fbql", "fbql_literal", "fbql_value", "subsumption", "uniform")
 TIE_RULES = ("none", "first", "all", "random")
 FROM_PRESET = -1.0
 """A threshold of this value (or any negative one) is the preset's."""
@@ -37,7 +38,7 @@ _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
 
 @dataclass(frozen=True)
-class FusionParameters(FbqlParameters):
+class FusionParameters(FbqlValueParameters, FbqlParameters):
     """What fusion can be told. `docs/deviations.md` says which of these the paper leaves open."""
 
     controller: str = parameter("subsumption", "who fuses; fbql_literal: as the paper prints it", choices=CONTROLLERS)
@@ -76,7 +77,7 @@ class FusionParameters(FbqlParameters):
     reward_goal: float = parameter(10.0, "reward of a goal", low=-1e9, high=1e9)
     reward_own_goal: float = parameter(-10.0, "reward of an own goal", low=-1e9, high=1e9)
     reward_collision: float = parameter(
-        -5.0, "reward of a collision, once when it begins; fbql has its own", low=-1e9, high=1e9
+        -5.0, "reward of a collision, once when it begins; fbql and fbql_value have their own", low=-1e9, high=1e9
     )
 
     wall_threshold_m: float = parameter(
@@ -96,8 +97,9 @@ class FusionParameters(FbqlParameters):
 
     @property
     def collision_reward(self) -> float:
-        """The reward of a collision begun that is in force: fbql has its own."""
-        return self.fbql_reward_collision if self.controller == "fbql" else self.reward_collision
+        """The reward of a collision begun that is in force: those that learn otherwise than printed have their own."""
+        own = {"fbql": self.fbql_reward_collision, "fbql_value": self.fbql_value_reward_collision}
+        return own.get(self.controller, self.reward_collision)
 
     @property
     def thresholds(self) -> Thresholds:

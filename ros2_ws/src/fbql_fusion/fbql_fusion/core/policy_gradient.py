@@ -65,12 +65,17 @@ def advantages(rewards: Floats, discounts: Floats, values: Floats, trace: float)
     Returns:
         A, [T].
     """
-    surprises = (rewards + discounts * values[1:] - values[:-1]).tolist()
+    return traced(rewards + discounts * values[1:] - values[:-1], discounts, trace)
+
+
+def traced(surprises: Floats, discounts: Floats, trace: float) -> Floats:
+    """Eq. 13's sum: each surprise and, faded, those after it: A_t = d_t + gamma^k_t lambda A_{t+1}, [T]."""
+    own = surprises.tolist()
     fading = (discounts * trace).tolist()
-    result = [0.0] * len(surprises)
+    result = [0.0] * len(own)
     later = 0.0
-    for t in range(len(surprises) - 1, -1, -1):
-        result[t] = later = surprises[t] + fading[t] * later
+    for t in range(len(own) - 1, -1, -1):
+        result[t] = later = own[t] + fading[t] * later
     return np.array(result)
 
 
