@@ -13,17 +13,16 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
 import domain_coordinator
 
-ROOT = Path(__file__).resolve().parents[2]
+from measure.graph import MODES, TIMEOUT_S, graph_steps_per_s
+
 BARE = Path(__file__).with_name("bare_graph.py")
 ROLES = ("simulator", "ball_seeking", "wall_avoiding", "approaching", "fusion")
-_TIMEOUT_S = 300
 
 
 def main(argv: Sequence[str]) -> int:
@@ -39,12 +38,12 @@ def main(argv: Sequence[str]) -> int:
         if getattr(arguments, name) < 1:
             print(f"lockstep.py: --{name} is {getattr(arguments, name)}; it must be 1 or more", file=sys.stderr)
             return 2
-    figures: dict[str, dict[str, list[float]]] = {mode: {} for mode in ("many", "one")}
+    figures: dict[str, dict[str, list[float]]] = {mode: {} for mode in MODES}
     for number in range(arguments.rounds):
         for mode, found in figures.items():
             measured = {
-                "graph": _ours(mode, arguments.steps, record=False),
-                "graph_recording": _ours(mode, arguments.steps, record=True),
+                "graph": graph_steps_per_s(mode, arguments.steps, record=False),
+                "graph_recording": graph_steps_per_s(mode, arguments.steps, record=True),
                 "bare": _bare(mode, arguments.steps, raw=False),
                 "bare_raw": _bare(mode, arguments.steps, raw=True),
             }
@@ -80,18 +79,6 @@ def _summary(found: dict[str, list[float]]) -> dict[str, float]:
     }
 
 
-def _ours(mode: str, steps: int, record: bool) -> float:
-    """The graph as a user starts it: Subsumption, whole episodes of a fixed seed, until about `steps` are played."""
-    with tempfile.TemporaryDirectory() as directory:
-        command = [sys.executable, str(ROOT / "scripts" / "bringup.py"), "--json", "--processes", mode, "--seed", "1"]
-        command += ["--episodes", str(max(1, steps // 800)), "--out", str(Path(directory) / "run")]
-        command += ["--record" if record else "--no-record"]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT_S, check=False)
-    if done.returncode != 0:
-        raise RuntimeError(f"{' '.join(command)} failed:\n{done.stderr}")
-    return float(json.loads(done.stdout)["steps_per_s"])
-
-
 def _bare(mode: str, steps: int, raw: bool) -> float:
     ros = ["--ros-args", "-p", f"steps:={steps}", "-p", f"raw:={str(raw).lower()}"]
     with domain_coordinator.domain_id() as domain:
@@ -104,7 +91,7 @@ def _bare(mode: str, steps: int, raw: bool) -> float:
             for roles in groups
         ]
         try:
-            return float(json.loads(processes[0].communicate(timeout=_TIMEOUT_S)[0])["steps_per_s"])
+            return float(json.loads(processes[0].communicate(timeout=TIMEOUT_S)[0])["steps_per_s"])
         finally:
             for process in processes:
                 process.terminate()
