@@ -33,10 +33,10 @@ class FbqlValueParameters:
 
     fbql_value_discount: float = parameter(0.997, "gamma of fbql_value, per step", low=0.0, high=1.0)
     fbql_value_trace: float = parameter(0.95, "lambda of eq. 20, per decision", low=0.0, high=1.0)
-    fbql_value_temperature_first: float = parameter(0.03, "tau of eq. 17 at first", low=1e-6, high=1e9)
-    fbql_value_temperature_last: float = parameter(0.01, "tau of eq. 17, to which it falls", low=1e-6, high=1e9)
-    fbql_value_exploration_first: float = parameter(0.05, "eps of eq. 17 at first", low=0.0, high=1.0)
-    fbql_value_exploration_last: float = parameter(0.01, "eps of eq. 17, to which it falls", low=0.0, high=1.0)
+    fbql_value_temperature_first: float = parameter(0.03, "tau of eq. 16 at first", low=1e-6, high=1e9)
+    fbql_value_temperature_last: float = parameter(0.01, "tau of eq. 16, to which it falls", low=1e-6, high=1e9)
+    fbql_value_exploration_first: float = parameter(0.05, "eps of eq. 16 at first", low=0.0, high=1.0)
+    fbql_value_exploration_last: float = parameter(0.01, "eps of eq. 16, to which it falls", low=0.0, high=1.0)
     fbql_value_rate_first: float = parameter(
         0.002, "alpha of eq. 20 at first, shared by the active features", low=0.0, high=1.0
     )
