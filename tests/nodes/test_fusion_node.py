@@ -176,8 +176,8 @@ def test_older_world_and_older_answers_change_nothing(make_team, bench):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"stamp_ns": 1}, {"stamp_ns": 10**15}, {"step": 0}, {"episode": 4}],
-    ids=["stale stamp", "future stamp", "another step", "another episode"],
+    [{"stamp_ns": 0}, {"stamp_ns": 1}, {"stamp_ns": 10**15}, {"step": 0}, {"episode": 4}],
+    ids=["no stamp", "stale stamp", "future stamp", "another step", "another episode"],
 )
 def test_answer_that_does_not_belong_to_the_step_is_no_answer(make_team, bench, changes):
     team = make_team(lockstep_timeout_s=0.2)
@@ -186,6 +186,8 @@ def test_answer_that_does_not_belong_to_the_step_is_no_answer(make_team, bench, 
     bench.until(team.fusion.finished.done, "the run to end")
     assert team.fusion.finished.result() == FAILED
     assert "no answer from wall_avoiding within 0.2 s" in bench.said()
+    said = bench.said().count("/behaviors/wall_avoiding: a message has no stamp (said once)")
+    assert said == (changes.get("stamp_ns") == 0)
     assert [decision.step for decision in team.decisions] == [0]
 
 

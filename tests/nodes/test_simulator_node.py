@@ -111,6 +111,37 @@ def test_command_for_a_step_to_come_is_dropped_and_said(bench, lockstep):
     assert lockstep.worlds[-1].step == 0
 
 
+def test_command_of_an_earlier_play_of_the_episode_steps_nothing(bench, lockstep):
+    """Fault 4."""
+    lockstep.reset(episode=4, seed=9)
+    begun = lockstep.worlds[-1]
+    lockstep.step()
+    lockstep.reset(episode=4, seed=9)
+    bench.until(lambda: lockstep.worlds[-1].step == 0, "step 0")
+    lockstep.command(begun, -50.0, 50.0)
+    bench.until_said("the command for step 0 has the stamp of another world state (1 dropped so far)")
+    assert lockstep.worlds[-1].step == 0
+    lockstep.step()
+    straight = WorldLoop()
+    straight.reset(4, 9)
+    assert lockstep.worlds[-1][1:] == straight.step(50.0, 50.0)[1:]
+
+
+@pytest.mark.parametrize("realtime", [0.0, 1.0])
+def test_command_without_a_stamp_is_driven_and_warned_of_once(bench, realtime):
+    """Fault 6, as a person sends it by `ros2 topic pub`."""
+    match = Match(bench, realtime=realtime)
+    match.reset()
+
+    def drives():
+        match.command(match.worlds[-1], stamp_ns=0)
+        return match.worlds[-1].step >= 2 and match.worlds[-1].robot_speed_m_s > 0.1
+
+    bench.until(drives, "the robot to move")
+    assert bench.said().count("/wheel_command: a message has no stamp (said once)") == 1
+    assert "dropped" not in bench.said()
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_command_that_is_not_finite_is_dropped_and_counted(bench, lockstep, bad):
     lockstep.reset()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import monotonic
-from typing import Any, TypeVar
+from typing import Any, Protocol
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -16,14 +16,21 @@ from rclpy.qos import QoSProfile, qos_policy_name_from_kind
 
 from fbql_common.wire import MESSAGES, Rejected, type_name
 
-T = TypeVar("T")
-
 WARN_PERIOD_S = 1.0
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 """rmw's name for a publisher whose node is not discovered yet."""
 
 
-class Input[T]:
+class Stamped(Protocol):
+    """A value of a message with a header."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Simulated time of the world state that the message is or answers [ns]; 0 where its sender set none."""
+        ...
+
+
+class Input[T: Stamped]:
     """Subscribes `node` to `topic` and hands (value, bytes) of each sound message to `deliver`.
 
     Args:
@@ -47,6 +54,7 @@ class Input[T]:
         self.dropped = 0
         self._last_s: float | None = None
         self._warned_s = float("-inf")
+        self._warned_unstamped = False
         self._mismatches: set[str] = set()
         self._subscription = node.create_subscription(
             MESSAGES[kind],
@@ -67,6 +75,9 @@ class Input[T]:
             return
         self.received += 1
         self._last_s = monotonic()
+        if value.stamp_ns == 0 and not self._warned_unstamped:
+            self._warned_unstamped = True
+            self._node.get_logger().warning(f"{self.topic}: a message has no stamp (said once)")
         self._deliver(value, data)
 
     def drop(self, reason: str) -> None:

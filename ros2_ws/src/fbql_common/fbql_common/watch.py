@@ -28,7 +28,7 @@ def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> T
 class WorldWatch:
     """Judges the order of world states; says once when the first one is missing, when they pause and go on.
 
-    It owns the node's idea of "older" and "zero stamp"; it does not own the input itself.
+    It owns the node's idea of "older"; it does not own the input itself.
     """
 
     def __init__(self, node: Node, world_input: Input[World]) -> None:
@@ -37,7 +37,6 @@ class WorldWatch:
         self._last_ns = 0
         self._last_s = float("-inf")
         self._clock_ready = False
-        self._warned_zero = False
         self._waited = 0
         self._paused = False
         self._timer = steady_timer(node, _PERIOD_S, self._check)
@@ -51,9 +50,6 @@ class WorldWatch:
         if not self._clock_ready and self._waits_for_clock():
             self._input.drop("use_sim_time is set and no /clock has come yet")
             return False
-        if world.stamp_ns == 0 and not self._warned_zero:
-            self._warned_zero = True
-            self._node.get_logger().warning(f"{self._input.topic}: a world state has no stamp (said once)")
         now = monotonic()
         if world.stamp_ns < self._last_ns and world.step != 0 and now - self._last_s < PAUSED_AFTER_S:
             self._input.drop(f"episode {world.episode}, step {world.step} is older than the last")

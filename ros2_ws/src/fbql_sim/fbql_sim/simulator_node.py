@@ -8,7 +8,8 @@ subscribes `wheel_command`; serves `~/reset_episode`. Parameters: `SimulatorNode
 Lockstep (default): the world steps when the command for this very (episode, step) arrives; while none comes, the
 world state is published again now and then, so that a lost message or a late subscriber costs a moment, not the run.
 Real time: the world steps on the steady clock with the latest command, and with wheels at rest when that is too old.
-A command of another episode, from the future or older than one that came before is never used.
+A command of another episode, from the future or older than one that came before is never used, nor, in lockstep, one
+with another stamp than the world state's: it answers an earlier play of that episode. One without a stamp counts as given now.
 """
 
 from __future__ import annotations
@@ -106,10 +107,14 @@ class SimulatorNode(GraphNode):
 
     def _on_command(self, command: WheelCommand, _data: bytes) -> None:
         world = self._world
+        if command.stamp_ns == 0:  # its sender set none, and the input has warned of it: it counts as given now
+            command = command._replace(stamp_ns=world.stamp_ns)
         if self._speed > 0:
             self._keep(command)
         elif (command.episode, command.step) == (world.episode, world.step):
-            if not world.ended:
+            if command.stamp_ns != world.stamp_ns:
+                self._input.drop(f"the command for step {command.step} has the stamp of another world state")
+            elif not world.ended:
                 self._step(command.left_rad_s, command.right_rad_s)
         elif command.stamp_ns > world.stamp_ns:
             self._input.drop(f"a command for episode {command.episode}, step {command.step}, which is not there yet")
