@@ -1,6 +1,7 @@
 """What all tests share."""
 
 import os
+import signal
 from pathlib import Path
 
 from hypothesis import settings
@@ -12,3 +13,7 @@ settings.load_profile("shared_machine")
 # Programs that a test starts find what the test itself finds.
 _PLACES = [str(Path(__file__).resolve().parents[1] / "scripts"), os.environ.get("PYTHONPATH", "")]
 os.environ["PYTHONPATH"] = os.pathsep.join(place for place in _PLACES if place)
+
+# A script that starts the suite in the background has SIGINT ignored in it, and so in all that it starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
