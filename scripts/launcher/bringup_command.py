@@ -67,7 +67,7 @@ def run(argv: Sequence[str], interrupts: Interrupts) -> int:
     panel = Panel()
     try:
         match, supervision = _prepared(arguments, panel, interrupts)
-        make_run_directory(match.out)
+        match = make_run_directory(match)
         try:
             code = supervision.run(match)
         except (BadInput, Interrupted):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NoReturn
@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, types_of
 from fbql_fusion.core.parameters import CONTROLLERS, PRESETS, FusionParameters, check_fusion
-from fbql_fusion.run_directory import create_run_directory
+from fbql_fusion.run_directory import create_next_run_directory, create_run_directory
 from fbql_sim.core.parameters import SimulationParameters
 
 from launcher.observations import add_observation_option, know_observations
@@ -32,6 +32,8 @@ class Match:
     """Tree file of each behavior, in the order of fusion.behaviors."""
     policy: Path | None
     out: Path
+    """The run directory. Unless the user named it, it is only known for sure when it is made."""
+    out_named: bool
     json: bool
     observations: dict[str, str] = field(default_factory=dict[str, str])
     """FILE.py:NAME of what a behavior of the user's own senses, by the behavior that its tree file names."""
@@ -130,6 +132,7 @@ def match_from(arguments: argparse.Namespace, program: str) -> Match:
         behaviors={name: _tree_file(name, arguments.trees, program) for name in fusion.behaviors},
         policy=_policy(arguments.policy, program, shipped and fusion.behaviors == FusionParameters().behaviors),
         out=_out(arguments.out, fusion),
+        out_named=arguments.out is not None,
         json=arguments.json,
         observations=know_observations(arguments.observation),
     )
@@ -195,9 +198,7 @@ def _policy(given: str | None, program: str, shipped: bool) -> Path | None:
 def _out(out: Path | None, fusion: FusionParameters) -> Path:
     if out is not None:
         return out.absolute()
-    stem = f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"
-    names = (stem if count == 0 else f"{stem}-{count}" for count in range(1000))
-    return next(RUNS / name for name in names if not (RUNS / name).exists())
+    return RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"
 
 
 def same_behaviors(match: Match) -> str:
@@ -215,15 +216,19 @@ def same_behaviors(match: Match) -> str:
     return "".join(f" {word}" for word in words)
 
 
-def make_run_directory(path: Path) -> None:
-    """Makes the run directory, and for one in runs/ of this checkout that directory as well.
+def make_run_directory(match: Match) -> Match:
+    """Makes the run directory, and for one in runs/ of this checkout that directory as well. Gives the match that is there.
 
     Raises:
         BadInput: it exists, or can't be made.
     """
+    path = match.out
     if path.parent == RUNS:
         try:
             RUNS.mkdir(exist_ok=True)
         except OSError as error:
             raise BadInput(f"{RUNS}: can't be made ({error.strerror}); name a run directory with --out") from None
-    create_run_directory(path)
+    if match.out_named:
+        create_run_directory(path)
+        return match
+    return replace(match, out=create_next_run_directory(RUNS, path.name))

@@ -32,7 +32,7 @@ def main(argv: Sequence[str]) -> int:
         match = match_from(arguments, PROGRAM)
         rehearse(match)
         session, loop, behaviors = parts_of(match)
-        make_run_directory(match.out)
+        match = make_run_directory(match)
         run = RunDirectory(match.out, _config(match), list(match.behaviors.values()), _report)
     except BadInput as error:
         print(error, file=sys.stderr)

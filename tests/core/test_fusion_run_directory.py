@@ -3,7 +3,9 @@
 import json
 import resource
 import subprocess
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,7 +17,13 @@ from fbql_common.core.types import Phase
 from fbql_fusion.core.metrics import EpisodeRecord, summarise
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.policy_storage import load_policy
-from fbql_fusion.run_directory import RunDirectory, create_run_directory, git_revision, software_versions
+from fbql_fusion.run_directory import (
+    RunDirectory,
+    create_next_run_directory,
+    create_run_directory,
+    git_revision,
+    software_versions,
+)
 
 GOAL = EpisodeRecord(0, Phase.GUIDED, 2**63 - 1, "goal", 120, 2, 17, 9.5, False)
 TIMEOUT = EpisodeRecord(1, Phase.EVALUATION, 5, "timeout", 4000, 0, 0, 0.1 + 0.2, True)
@@ -114,6 +122,25 @@ def test_a_run_directory_is_never_overwritten(tmp_path, kind):
         path.symlink_to(tmp_path / "nowhere")
     with pytest.raises(BadInput, match="never overwritten"):
         create_run_directory(path)
+
+
+def test_runs_of_one_name_that_begin_at_once_get_a_directory_each(tmp_path):
+    count = 8
+    together = threading.Barrier(count)
+
+    def begin(_):
+        together.wait(timeout=10)
+        return create_next_run_directory(tmp_path, "run")
+
+    with ThreadPoolExecutor(count) as pool:
+        made = sorted(pool.map(begin, range(count)))
+    assert made == [tmp_path / "run", *(tmp_path / f"run-{number}" for number in range(1, count))]
+    assert all((path / "trees").is_dir() and (path / "log").is_dir() for path in made)
+
+
+def test_where_no_run_can_be_made_no_other_name_is_tried(tmp_path):
+    with pytest.raises(BadInput, match="there is no directory"):
+        create_next_run_directory(tmp_path / "missing", "run")
 
 
 def test_a_place_that_cannot_be_written_is_refused_before_the_start(tmp_path):

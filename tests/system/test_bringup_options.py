@@ -137,13 +137,20 @@ def test_some_of_the_behaviors_can_play_and_a_tree_can_have_a_name_of_its_own(st
 
 
 def test_the_run_is_named_after_time_controller_and_seed_unless_told(start: Start) -> None:
-    run = start("--episodes", "1", "--max-steps", "30", "--seed", "718281", "--json", out=False, script="train.py")
-    assert run.exit_code() == 0, run.stderr
-    made = max((ROOT / "runs").glob("*-fbql-s718281"), key=lambda path: path.stat().st_mtime_ns)
+    match = ("--episodes", "1", "--max-steps", "30", "--seed", "718281", "--json")
+    before = set((ROOT / "runs").glob("*"))
+    # Three that begin in the same second have a directory each.
+    runs = [start(*match, out=False, script="train.py") for _ in range(3)]
+    for run in runs:
+        assert run.exit_code() == 0, run.stderr
+    made = set((ROOT / "runs").glob("*-fbql-s718281*")) - before
     try:
-        assert summary_of(made) == json.loads(run.stdout)
+        summaries = [summary_of(path) for path in made]
     finally:
-        shutil.rmtree(made)
+        for path in made:
+            shutil.rmtree(path)
+    assert len(summaries) == len(runs)
+    assert all(json.loads(run.stdout) in summaries for run in runs)
 
 
 def test_a_reader_that_leaves_and_a_disk_that_is_full_are_no_traceback(start: Start) -> None:

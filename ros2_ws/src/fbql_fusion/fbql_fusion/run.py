@@ -31,7 +31,13 @@ from fbql_fusion.message_definitions import schema_text, type_hash
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import policy_bytes, save_policy
 from fbql_fusion.recording import Attachment, Channel, Recorder
-from fbql_fusion.run_directory import RunDirectory, create_run_directory, git_revision, software_versions
+from fbql_fusion.run_directory import (
+    RunDirectory,
+    create_next_run_directory,
+    create_run_directory,
+    git_revision,
+    software_versions,
+)
 
 DONE, INCOMPLETE = 0, 3
 _JSON, _YAML, _NPZ = "application/json", "application/yaml", "application/octet-stream"
@@ -161,9 +167,7 @@ def _directory(parameters: FusionNodeParameters, session: Session) -> Path:
         runs.mkdir(exist_ok=True)
     except OSError as error:
         raise BadInput(f"{runs}: can't be made ({error.strerror}); set the parameter run_directory") from None
-    path = runs / f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"
-    create_run_directory(path)
-    return path
+    return create_next_run_directory(runs, f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}")
 
 
 def _config(parameters: FusionNodeParameters, session: Session, launcher_file: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ metadata.yaml, <name>_0.mcap   the recording (recording.py)
 from __future__ import annotations
 
 import importlib.metadata
+import itertools
 import json
 import os
 import platform
@@ -55,6 +56,25 @@ def create_run_directory(path: Path) -> None:
         for directory in reversed(made):
             directory.rmdir()
         raise BadInput(f"{path}: can't make the run directory ({error.strerror}); choose another place") from None
+
+
+def create_next_run_directory(runs: Path, name: str) -> Path:
+    """Makes runs/NAME or, where that is there already, the first of NAME-1, NAME-2 ... that is not; gives its path.
+
+    Several processes may do so at the same time: each gets one of its own.
+
+    Raises:
+        BadInput: nothing can be written there.
+    """
+    paths = itertools.chain([runs / name], (runs / f"{name}-{count}" for count in itertools.count(1)))
+    while True:
+        path = next(paths)
+        try:
+            create_run_directory(path)
+            return path
+        except BadInput:
+            if not (path.exists() or path.is_symlink()):
+                raise
 
 
 class RunDirectory:
