@@ -110,6 +110,10 @@ def _tell(match: Match, code: int, panel: Panel, interrupts: Interrupts) -> int:
     if not path.is_file():
         cause = f"ended by {interrupts.name} before there was a result" if interrupts.came else "there is no summary"
         panel.say(f"{PROGRAM}: {cause}; see {run / 'log'}")
+        if recorded := next(run.glob("*.mcap.active"), None):
+            panel.say(
+                f"{PROGRAM}: {recorded} was not finished; python3 scripts/recover.py {run} gets out what it holds"
+            )
         return code or FAILED
     if interrupts.came:
         panel.say(f"ended by {interrupts.name}; what was played until then is complete")

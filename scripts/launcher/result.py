@@ -69,6 +69,9 @@ def next_steps(summary: Mapping[str, Any], run: Path, same: str = "") -> str:
     steps = [other, (f"{bringup} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
     if summary["messages_recorded"]:
         steps.append((f"python3 scripts/report.py {run}", "a page that shows what happened, step by step, and why"))
-    if summary["messages_recorded"] and not summary["incomplete"]:
-        steps.append((f"ros2 bag info {run}", f"what was recorded; Foxglove opens {run.name}_0.mcap in there"))
+    if summary["messages_recorded"] and summary["incomplete"]:
+        steps.append((f"python3 scripts/recover.py {run}", "a whole recording of what is sound, and what was lost"))
+    elif summary["messages_recorded"]:
+        meaning = f"what was recorded, where ROS 2 is installed; Foxglove opens {run.name}_0.mcap in there"
+        steps.append((f"ros2 bag info {run}", meaning))
     return "\n".join(["", "Next:", *(f"  {command}\n      {meaning}" for command, meaning in steps)])

@@ -74,7 +74,10 @@ def test_bad_input_is_one_line_and_exit_code_2(start, tmp_path):
         "Invalid topic name": ("-p", "name:=a b", "-p", "tree_file:={tree}"),
     }
     tree = str(shipped_tree("approaching"))
-    nodes = []
+    nodes = [
+        ("simulator: unknown arguments: -p seed:=7", start("fbql_sim", "simulator", "-p", "seed:=7")),
+        ("fusion: unknown arguments: --help", start("fbql_fusion", "fusion", "--help")),
+    ]
     for said, arguments in cases.items():
         executable = ("fbql_behaviors", "behavior") if "{tree}" in str(arguments) else ("fbql_sim", "simulator")
         ros = [argument.format(tree=tree) for argument in arguments]

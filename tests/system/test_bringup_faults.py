@@ -45,6 +45,7 @@ def test_fusion_killed_ends_the_simulator_and_the_rest(start: Start) -> None:
     assert "node 'fusion' was ended by SIGKILL" in run.stderr
     assert f"there is no summary; see {run.out}/log" in run.stderr
     assert run.stdout == ""
+    assert f"python3 scripts/recover.py {run.out}" in run.stderr
     # What was flushed is there for recovery; nothing pretends to be whole.
     assert (run.out / "run_0.mcap.active").stat().st_size > 100_000
     assert not (run.out / "metadata.yaml").exists()

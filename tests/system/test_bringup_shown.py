@@ -121,6 +121,8 @@ def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None
     assert "report.py" not in next_steps({**SUMMARY, "messages_recorded": 0}, tmp_path)
     for nothing_whole in ({"messages_recorded": 0}, {"incomplete": True}):
         assert "ros2 bag" not in next_steps({**SUMMARY, **nothing_whole}, tmp_path)
+    assert f"scripts/recover.py {tmp_path}" in next_steps({**SUMMARY, "incomplete": True}, tmp_path)
+    assert "recover.py" not in next_steps(SUMMARY, tmp_path)
     (tmp_path / "policy.npz").touch()
     again = next_steps(SUMMARY, tmp_path, " --trees mine")
     assert f"python3 scripts/bringup.py --trees mine --controller {SUMMARY['controller']} --policy" in again

@@ -21,6 +21,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
 
 from fbql_common.core.errors import BadInput
 
@@ -72,10 +73,11 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
         0 when the work is done or a signal came, 2 on bad input, else the code that a node finished with.
     """
     signals = _Signals()
+    words = list(sys.argv if args is None else args)
     try:
         refuse_security()
         _writable_log_directory()
-        rclpy.init(args=list(sys.argv if args is None else args), signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
     except BadInput as error:
         return _say(error)
     except UnknownROSArgsError as error:
@@ -84,6 +86,7 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
         return _say(str(error).strip().partition("\n")[0])
     nodes: list[GraphNode] = []
     try:
+        _refuse_strangers(words)
         executor = EventsExecutor()
         for make in make_nodes:
             node = make()
@@ -125,6 +128,16 @@ def refuse_security() -> None:
         raise BadInput(
             "ROS_SECURITY_ENABLE is true, but this Fast DDS is built without DDS-Security and would run unsecured; "
             "unset it, or use a ROS 2 with SROS2"
+        )
+
+
+def _refuse_strangers(words: Sequence[str]) -> None:
+    """Raises BadInput for arguments that are none of ROS: a parameter without --ros-args before it would go unheard."""
+    strangers = remove_ros_args(words)[1:]
+    if strangers:
+        raise BadInput(
+            f"{Path(words[0]).name}: unknown arguments: {' '.join(strangers)}; parameters and remappings are given as "
+            "--ros-args -p NAME:=VALUE -r FROM:=TO, and docs/parameters.md has their names"
         )
 
 
