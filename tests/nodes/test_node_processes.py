@@ -175,3 +175,23 @@ def test_graph_survives_a_killed_behavior_and_idles_without_its_simulator(start,
     assert not [node.name for node in rest if "Traceback" in node.printed()]
     (run,) = (tmp_path / "runs").iterdir()
     assert (run / "metadata.yaml").exists() and not list(run.glob("*.active"))
+
+
+def test_simulator_stops_the_wheels_when_fusion_is_killed(start, bench):
+    """Fault 25: in real time the field goes on, and the robot stands."""
+    nodes = {}
+    for executable in READY:
+        own = ("-p", "realtime:=1.0") if executable[1] == "simulator" else ()
+        nodes[executable[1]] = start(*executable, "--ros-args", "-r", f"__ns:={bench.namespace}", *own)
+    worlds = listen(bench.add(Partner), World, WORLD)
+    bench.until(
+        lambda: worlds and worlds[-1].episode == 0 and worlds[-1].robot_speed_m_s > 0.2, "the robot to drive", 30.0
+    )
+
+    nodes["fusion"].send(signal.SIGKILL)
+    nodes["fusion"].exit_code()
+    bench.until(lambda: abs(worlds[-1].robot_speed_m_s) < 0.01, "the robot to stand", 5.0)
+    nodes["simulator"].until_printed("no command for 0.25 s: the wheels are stopped")
+    step = worlds[-1].step
+    bench.until(lambda: worlds[-1].step > step + 20, "twenty steps more")
+    assert abs(worlds[-1].robot_speed_m_s) < 0.01
