@@ -46,9 +46,17 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message} (see --help)\n")
 
 
+class Help(argparse.ArgumentDefaultsHelpFormatter):
+    """Tells each option's default, but for those that the option's own words tell."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        default = action.default
+        return action.help if default is None or default is False or default == [] else super()._get_help_string(action)
+
+
 def match_parser(program: str, description: str) -> Parser:
     """A parser with the options that every way of playing a match has."""
-    parser = Parser(prog=program, description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    parser = Parser(prog=program, description=description, formatter_class=Help)
     play = parser.add_argument_group("what is played")
     play.add_argument(
         "--controller", choices=CONTROLLERS, help="who fuses the behaviors (fbql; with --preset alone, subsumption)"

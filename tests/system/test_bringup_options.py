@@ -171,6 +171,28 @@ def test_a_reader_that_leaves_and_a_disk_that_is_full_are_no_traceback(start: St
     assert "Exception" not in run.stderr
 
 
+@pytest.mark.parametrize("script", ["bringup.py", "train.py"])
+def test_help_tells_every_option_and_each_default_that_is_a_value(start: Start, script: str) -> None:
+    run = start("--help", out=False, script=script)
+    assert run.exit_code() == 0
+    text = " ".join(run.stdout.split())
+    for option in (
+        "--controller",
+        "--episodes",
+        "--goals",
+        "--guided",
+        "--seed",
+        "--policy",
+        "--trees",
+        "--out",
+        "--json",
+    ):
+        assert f" {option} " in text, option
+    assert "truncated: a timeout (default: 4000)" in text
+    assert "default: None" not in text
+    assert "default: False" not in text
+
+
 # Bad input
 
 
