@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import math
+import random
 import signal
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from time import monotonic
+from typing import Any
 
 import domain_coordinator
 import pytest
 import rclpy
 from bringup_run import BEHAVIORS, END_S, Run
+from fbql_common.topics import STEP_QOS
+from fbql_msgs.msg import BehaviorOutput, FusionDecision, WheelCommand, WorldState
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from run_directory_reader import digest_of, episodes_of, finalised, messages_of, summary_of
 from visualization_msgs.msg import MarkerArray
@@ -72,6 +78,53 @@ def test_in_real_time_a_second_takes_a_second_and_ros_tools_see_everything(
     spacings = {later - earlier for earlier, later in pairwise(stamps)} - {0}
     assert {round(spacing * 60 / 1e9, 3) for spacing in spacings} == {1.0}
     assert {message.header.frame_id for message in seen["/robot/pose"]} == {"field"}
+
+
+def garbage(kind: type[Any], chance: random.Random) -> bytes:
+    """A message on a topic of this type that nobody must act on."""
+    message = kind()
+    message.header.stamp.sec = 1
+    message.header.frame_id = "field"
+    choice = chance.choice(["bytes", "cut off", "another frame", "not finite"])
+    if choice == "bytes":
+        return b"\x00\x01\x00\x00" * chance.randrange(2) + chance.randbytes(chance.randrange(400))
+    if choice == "another frame":
+        message.header.frame_id = "map"
+    elif choice == "not finite":
+        for field, kind_of_field in kind.get_fields_and_field_types().items():
+            if kind_of_field == "double":
+                setattr(message, field, chance.choice([math.nan, math.inf, -math.inf]))
+    data = bytes(serialize_message(message))
+    return data[: chance.randrange(len(data) - 8)] if choice == "cut off" else data
+
+
+def test_garbage_on_every_topic_changes_nothing_of_a_match(start: Start, tool: Node, domain_id: int) -> None:
+    match = ("--controller", "subsumption", "--episodes", "20", "--seed", "3")
+    alone = start(*match, script="train.py")
+    types = {"/world": WorldState, "/wheel_command": WheelCommand, "/fusion/decision": FusionDecision}
+    types |= {f"/behaviors/{name}": BehaviorOutput for name in BEHAVIORS}
+    publishers = [(kind, tool.create_publisher(kind, topic, STEP_QOS)) for topic, kind in types.items()]
+    executor = rclpy.executors.SingleThreadedExecutor(context=tool.context)
+    executor.add_node(tool)
+    run = start(*match, environment={"ROS_DOMAIN_ID": str(domain_id)})
+    chance = random.Random(1)
+    deadline = monotonic() + 60
+    while run.popen.poll() is None and monotonic() < deadline:
+        for kind, publisher in publishers:
+            publisher.publish(garbage(kind, chance))
+        executor.spin_once(timeout_sec=0.01)
+    assert run.exit_code(0) == 0, run.stderr
+    assert alone.exit_code() == 0
+    summary = summary_of(run.out)
+    assert summary["digest"] == summary_of(alone.out)["digest"]
+    assert not summary["incomplete"]
+    assert finalised(run.out) == summary["messages_recorded"]
+    heard_by = {"simulator": ["/wheel_command"], "fusion": ["/world", *(f"/behaviors/{name}" for name in BEHAVIORS)]}
+    for name, topics in {**heard_by, **{name: ["/world"] for name in BEHAVIORS}}.items():
+        log = run.log(name)
+        assert "Traceback" not in log
+        for topic in topics:
+            assert f"dropped a message on {topic}: " in log, name
 
 
 def test_single_nodes_composed_by_hand_in_a_namespace_play_a_match(start: Start, domain_id: int) -> None:
