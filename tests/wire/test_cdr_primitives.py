@@ -42,7 +42,8 @@ def test_the_ends_of_every_integers_range_are_what_the_middleware_writes(kind):
 
 @given(SINGLES)
 def test_a_float32_is_what_the_middleware_writes(value):
-    data = serialize_message(Float32(data=value))
+    # The generated check has the largest float32 to ten digits, and refuses it.
+    data = serialize_message(Float32(data=value, check_fields=False))
     assert Codec(["float32"]).decode(data) == [value]
     assert deserialize_message(Codec(["float32"]).encode([value]), Float32).data == value
 
