@@ -17,10 +17,14 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "scripts"))
 
-from studies import leaf_tuning_words, tree_words  # noqa: E402
+from studies import leaf_tuning_words, objectives_words, tree_words  # noqa: E402
 
 PAGE = HERE / "trees.md"
-TABLES = {"trees": tree_words.tables, "leaf_tuning": leaf_tuning_words.tables}
+TABLES = {
+    "trees": tree_words.tables,
+    "objectives": objectives_words.tables,
+    "leaf_tuning": leaf_tuning_words.tables,
+}
 PLACE = re.compile(r"(<!-- table: (\w+): (.*?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -154,7 +155,9 @@ def _tell(
         result = {"demonstrations": len(demonstrations), "patterns": patterns, "path": str(path), **(more or {})}
         print_result(json.dumps(result))
     else:
-        print(f"Next: python3 scripts/induce.py {behavior} --demos {path}", file=sys.stderr)
+        observations = [word for each in arguments.observation for word in ("--observation", each)]
+        words = [behavior, "--demos", str(path), *observations]
+        print(f"Next: python3 scripts/induce.py {shlex.join(words)}", file=sys.stderr)
 
 
 def _progress(count: int) -> Callable[[int], None]:

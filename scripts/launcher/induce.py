@@ -96,6 +96,10 @@ def _induce(arguments: argparse.Namespace) -> int:
             writing = report
             report.parent.mkdir(parents=True, exist_ok=True)
             report.write_text(_page(arguments, recipe.induction, demonstrations, patterns, made, rmse))
+        if arguments.curve is not None:
+            writing = arguments.curve
+            writing.parent.mkdir(parents=True, exist_ok=True)
+            writing.write_text(_curve(made.curve))
     except OSError as error:
         return unwritable(PROGRAM, writing, error)
     if replaced:
@@ -155,6 +159,12 @@ def _page(
     )
 
 
+def _curve(values: Sequence[float]) -> str:
+    """The learning curve as CSV; values that diverged are inf or nan."""
+    lines = (f"{trial},{value!r}" for trial, value in enumerate(values, start=1))
+    return "\n".join(("trial,root_value_nat", *lines, ""))
+
+
 def _worded(result: dict[str, Any]) -> str:
     error = "n/a (it takes two demonstrations)"
     if result["rmse_levels"] is not None:
@@ -186,6 +196,8 @@ def _recipe(arguments: argparse.Namespace) -> Recipe:
         del given["method"]
     elif arguments.leaves is not None:
         raise BadInput("--leaves is for --method cart; the other methods choose the number themselves (--split-cost)")
+    if arguments.curve is not None and (arguments.method or recipe.induction.method) != "rl":
+        raise BadInput("--curve is for --method rl; the other methods have no trials")
     usual = recipe.printed if arguments.objective == "printed" else recipe.induction
     recipe = replace(recipe, induction=replace(usual, **given))
     check(recipe.induction, "induction")
@@ -224,6 +236,9 @@ def _parser() -> Parser:
         const=BESIDE,
         metavar="FILE",
         help="write a page about the tree and how it was made (beside the tree file, as .html)",
+    )
+    parser.add_argument(
+        "--curve", type=Path, metavar="FILE", help="write the learning curve as CSV: the root's value after each trial"
     )
     parser.add_argument(
         "--leaves", type=int, metavar="N", help="leaves of --method cart (as many as cross-validation chooses)"

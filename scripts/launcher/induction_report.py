@@ -19,6 +19,7 @@ from fbql_behaviors.core.partition_svg import COLOURS, OPACITY, partition_svg
 from fbql_behaviors.core.patterns import Patterns
 from fbql_behaviors.core.quantizer import rad_s_of
 from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.storage import tree_to_bytes
 
 from launcher.counted import counted
 
@@ -27,6 +28,7 @@ STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1040px; margin: 0 auto; padding: 24px; }
 h1 { font-size: 26px; margin: 0; } h2 { font-size: 19px; margin: 36px 0 8px; }
 p { max-width: 75ch; } .quiet { color: #666; } code { font: 13px ui-monospace, monospace; overflow-wrap: anywhere; }
+pre { font: 12px ui-monospace, monospace; white-space: pre-wrap; overflow-wrap: anywhere; } summary { cursor: pointer; }
 .tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(180px, 1fr)); gap: 12px; margin: 20px 0; }
 .tile { background: #f4f6f8; border-radius: 8px; padding: 10px 14px; }
 .tile b { display: block; font-size: 24px; font-weight: 600; } .tile span { color: #555; font-size: 13px; }
@@ -70,6 +72,7 @@ def induction_page(induction: Induction) -> str:
     """The page."""
     tree = induction.tree
     title = f"{tree.behavior}: a decision tree of {counted(tree.leaf_count, 'leaf', 'leaves')}"
+    text = tree_to_bytes(tree).decode()
     body = "\n".join(
         (
             f"<h1>{escape(title)}</h1>",
@@ -86,6 +89,9 @@ def induction_page(induction: Induction) -> str:
             _data(induction),
             "<h2>Parameters</h2>",
             _table(("parameter", "value"), ((name, _value(value)) for name, value in sorted(tree.origin.items()))),
+            "<h2>As JSON</h2>",
+            "<p>The tree file: what the behavior's node reads, and all that this page tells of the tree.</p>",
+            f"<details><summary>{len(text)} characters</summary><pre>{escape(text)}</pre></details>",
         )
     )
     head = f'<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8"><title>{escape(title)}</title>'

@@ -153,6 +153,8 @@ def _read_json(path: Path) -> Mapping[str, Any]:
         raise BadInput("not JSON: it is no text") from None
     except json.JSONDecodeError as error:
         raise BadInput(f"not JSON, or truncated: {error.msg} in line {error.lineno}") from None
+    except ValueError:  # Python reads no whole number of more than 4300 digits
+        raise BadInput("a number has too many digits") from None
     except RecursionError:
         raise BadInput("nested too deeply") from None
     if not isinstance(found, dict):

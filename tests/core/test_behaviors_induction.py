@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 from math import inf, isfinite, nan
 
@@ -201,6 +201,27 @@ def test_every_leaf_holds_a_pattern_since_a_split_with_an_empty_half_is_not_offe
     assert min(leaf.patterns for leaf in tree.leaves) >= 1
 
 
+def test_every_leaf_holds_as_many_patterns_as_a_half_has_to() -> None:
+    patterns = scattered(200)
+    leaves = {}
+    for fewest in (1, 12):
+        tree = induce("ball_seeking", patterns, replace(DP, split_cost=0.0, min_half_patterns=fewest), 0).tree
+        leaves[fewest] = [leaf.patterns for leaf in tree.leaves]
+    assert min(leaves[1]) < 12 <= min(leaves[12])
+    assert len(leaves[12]) > 1
+
+
+def test_the_origin_tells_every_parameter_that_a_tree_depends_on() -> None:
+    """A default that came later is left out: trees that were made before it keep their hash."""
+    later = {"min_half_patterns"}
+    names = {field.name for field in fields(InductionParameters)}
+    origin = induce("ball_seeking", scattered(50), DP, 0).tree.origin
+    assert names & set(origin) == names - later
+    assert (
+        induce("ball_seeking", scattered(50), replace(DP, min_half_patterns=3), 0).tree.origin["min_half_patterns"] == 3
+    )
+
+
 def test_a_region_that_is_pure_enough_is_not_split() -> None:
     patterns = scattered(200)
     assert induce("ball_seeking", patterns, replace(DP, max_entropy=9.0), 0).tree.leaf_count == 1
@@ -261,6 +282,7 @@ def test_a_feature_that_never_changes_is_never_split() -> None:
         ("discount", 1.5),
         ("min_range", 0.0),
         ("min_patterns", 1),
+        ("min_half_patterns", 0),
         ("max_entropy", -1.0),
         ("trials", 0),
         ("learning_rate", 0.0),

@@ -48,6 +48,7 @@ def limits_of(parameters: InductionParameters) -> oracle.Limits:
         parameters.discount,
         parameters.min_range,
         parameters.min_patterns,
+        parameters.min_half_patterns,
         parameters.max_entropy,
     )
 
@@ -80,13 +81,24 @@ def drawn(seed: int, n: int = 40) -> list[oracle.Row]:
     rows=ROWS,
     split_cost=st.sampled_from([0.0, -0.02, -0.2]),
     min_patterns=st.integers(2, 6),
+    min_half_patterns=st.integers(1, 4),
     max_entropy=st.sampled_from([0.0, 0.3]),
 )
 def test_planning_finds_the_literal_value_of_every_box(
-    objective: str, rows: list[oracle.Row], split_cost: float, min_patterns: int, max_entropy: float
+    objective: str,
+    rows: list[oracle.Row],
+    split_cost: float,
+    min_patterns: int,
+    min_half_patterns: int,
+    max_entropy: float,
 ) -> None:
     parameters = replace(
-        EXPLORING, objective=objective, split_cost=split_cost, min_patterns=min_patterns, max_entropy=max_entropy
+        EXPLORING,
+        objective=objective,
+        split_cost=split_cost,
+        min_patterns=min_patterns,
+        min_half_patterns=min_half_patterns,
+        max_entropy=max_entropy,
     )
     boxes = find_boxes(patterns_of_rows(rows), (HALVINGS, HALVINGS))
     found, box_of = plan(boxes, parameters).values, numbered(boxes)

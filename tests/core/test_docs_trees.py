@@ -23,7 +23,7 @@ from studies.tree_play import FIXED_ONLY, SETTINGS
 from studies.tree_words import SHOWN
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-SEEDS = {"trees": 10, "leaf_tuning": 5}
+SEEDS = {"trees": 10, "objectives": 40, "leaf_tuning": 5}
 """Study -> seeds that it must have at least."""
 
 
@@ -69,6 +69,18 @@ def test_the_data_of_trees_hold_every_method_behavior_and_setting_over_every_see
     assert {method for method, name in played if name in FIXED_ONLY} == methods
     assert {(method, name) for method in SHOWN for name in SETTINGS} - set(played) == {("one leaf", "re-tuned")}
     assert min(*made.values(), *played.values()) >= SEEDS["trees"]
+
+
+def test_the_data_of_objectives_hold_both_over_every_seed_and_say_what_the_page_concludes() -> None:
+    """The default objective follows from play: what remains when the measures of play are many comparisons."""
+    rows = data("objectives")["table"]
+    assert min(row["n"] for row in rows) >= SEEDS["objectives"]
+    played = [row for row in rows if row["where"] in SETTINGS]
+    assert len(played) == 18
+    sure = {(row["where"], row["measure"]): row["difference"] for row in played if row["p"] < 0.05 / len(played)}
+    contact = {(name, "contact steps per episode") for name in SETTINGS}
+    assert set(sure) == contact | {("paper", "collisions begun per episode")}
+    assert min(sure.values()) > 0.0, "each is a measure that is to be low, and lower with the weighted objective"
 
 
 def test_the_data_of_leaf_tuning_hold_every_behavior_and_the_team_with_every_kind_of_trees() -> None:

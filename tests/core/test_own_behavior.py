@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from math import radians
@@ -21,6 +22,8 @@ from fbql_fusion.core.session import Session
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.task import Task
 from fbql_sim.core.world_loop import WorldLoop
+from launcher import demonstrate
+from launcher import induce as induction
 from launcher import instruct as instructing
 from launcher.in_process import play
 from launcher.instruct import ANYWHERE, at_rest, instruct
@@ -60,6 +63,23 @@ def test_its_tree_is_made_again_from_its_demonstrations(shooting: Observation) -
     assert tree_to_bytes(tree) == (EXAMPLE / "shooting.json").read_bytes()
     readme = (EXAMPLE / "README.md").read_text()
     assert f"{tree.leaf_count} leaves from {len(patterns)} patterns" in readme
+
+
+@pytest.mark.parametrize("again", [(), ("--merge",), ("--replay",)])
+def test_what_is_said_to_come_next_after_demonstrating_works(
+    again: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.isatty", lambda _: False)
+    place, file = tmp_path / "what was shown", str(EXAMPLE / "shooting.py")
+    few = ("--demonstrations", "4", "--steps", "20", "--out", str(place))
+    assert demonstrate.main(["shooting", "--observation", file, *few]) == 0
+    if again:
+        assert demonstrate.main(["--observation", file, *again, str(place), "--out", str(tmp_path / "merged")]) == 0
+    said = capsys.readouterr().err.splitlines()[-1]
+    words = shlex.split(said.removeprefix("Next: python3 scripts/induce.py "))
+    del OBSERVATIONS["shooting"]  # as in another process
+    assert induction.main([*words, "--out", str(tmp_path / "shooting.json")]) == 0
+    assert load_tree(tmp_path / "shooting.json").behavior == "shooting"
 
 
 def test_demonstrations_begin_inside_of_the_root_region_and_patterns_lie_there(shooting: Observation) -> None:

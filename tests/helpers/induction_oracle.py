@@ -24,6 +24,7 @@ class Limits(NamedTuple):
     discount: float
     min_range: float
     min_patterns: int
+    min_half_patterns: int
     max_entropy: float
 
 
@@ -79,7 +80,7 @@ def splits(box: Box, rows: Sequence[Row], limits: Limits) -> list[tuple[float, B
             continue
         children = halves(box, feature)
         left, right = (inside(child, rows, limits) for child in children)
-        if not left or not right:
+        if min(len(left), len(right)) < limits.min_half_patterns:
             continue
         gain = gain_of(classes, left, right)
         if limits.objective == "weighted":

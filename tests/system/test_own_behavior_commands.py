@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
+import domain_coordinator
 import pytest
 from bringup_run import ROOT, Run
 from fbql_behaviors.storage import load_tree
@@ -63,6 +65,38 @@ def test_four_behaviors_play_the_same_match_in_many_processes_in_one_and_without
     for run in (many, without):
         nodes = parameters_of(run.out)
         assert [nodes[name].get("observation", "") for name in NAMES] == ["", "", "", source]
+
+
+def test_its_node_is_run_by_ros2_run_and_fused_by_naming_it(start: Start, trees: Path) -> None:
+    """Each node in a terminal of its own, as the page says; the match is the one that train.py plays without ROS."""
+    with domain_coordinator.domain_id() as domain_id:
+
+        def run(package: str, executable: str, *parameters: str) -> Run:
+            words = [word for parameter in parameters for word in ("-p", parameter)]
+            renamed = ["-r", "__node:=shooting"] if executable == "behavior" else []
+            environment = {"ROS_DOMAIN_ID": str(domain_id), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+            arguments = ("run", package, executable, "--ros-args", *renamed, *words)
+            return start(*arguments, script="ros2", out=False, environment=environment)
+
+        nodes = [run("fbql_sim", "simulator", "seed:=4", "max_steps:=120")]
+        nodes += [run("fbql_behaviors", name) for name in NAMES[:3]]
+        source = f"{EXAMPLE / 'shooting.py'}:shooting"
+        nodes.append(
+            run("fbql_behaviors", "behavior", f"tree_file:={trees / 'shooting.json'}", f"observation:={source}")
+        )
+        layers = "layers:=[shooting, wall_avoiding, approaching, ball_seeking]"
+        match = ("controller:=uniform", "seed:=4", "episodes:=1", layers)
+        fusion = run("fbql_fusion", "fusion", f"behaviors:=[{', '.join(NAMES)}]", *match)
+        well_ended(fusion)
+        for node in nodes:
+            node.send(signal.SIGINT)
+        for node in nodes:
+            well_ended(node)
+    (directory,) = (fusion.place / "runs").iterdir()
+    words = ("--controller", "uniform", *MATCH, "--trees", str(trees), *OBSERVATION)
+    without_ros = json.loads(well_ended(start(*words, script="train.py")).stdout)
+    assert summary_of(directory)["digest"] == without_ros["digest"]
+    assert 0 < without_ros["steps"] <= 120
 
 
 def test_a_behavior_whose_observation_nobody_told_is_refused(start: Start, trees: Path) -> None:

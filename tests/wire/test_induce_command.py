@@ -109,6 +109,7 @@ def test_without_scikit_learn_cart_is_refused_before_anything_is_done(
     [
         (("dancing",), "unknown behavior 'dancing'"),
         (("ball_seeking", "--leaves", "9"), "--leaves is for --method cart"),
+        (("ball_seeking", "--method", "dp", "--curve", "x"), "--curve is for --method rl"),
         (("ball_seeking", "--method", "magic"), "invalid choice: 'magic'"),
         (("ball_seeking", "--demos", "missing"), "missing: "),
         (("ball_seeking", "--observation", "missing.py"), "missing.py: cannot be read (No such file or directory)"),
@@ -161,6 +162,25 @@ def test_the_pages_figures_are_a_partition_and_a_curve_of_every_trial_beside_the
     assert len(regions) == load_tree(path).leaf_count
     assert len(curve.findall(f"{svg}polyline")[0].attrib["points"].split()) == 30
     assert [each.text for each in curve.iter(f"{svg}text")][-1] == "optimum"
+
+
+def test_the_page_holds_the_tree_file(page_and_tree: tuple[str, Path]) -> None:
+    text, path = page_and_tree
+    assert [each for each in Page(text).texts if each.lstrip().startswith("{")] == [path.read_text()]
+
+
+def test_the_learning_curve_is_recorded_trial_by_trial(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "new" / "curve.csv"
+    result = induced(capsys, tmp_path, "--trials", "30", "--curve", str(file))
+    head, *rows = [line.split(",") for line in file.read_text().splitlines()]
+    assert head == ["trial", "root_value_nat"]
+    assert [row[0] for row in rows] == [str(trial) for trial in range(1, 31)]
+    assert float(rows[-1][1]) == result["root_value"] != float(rows[0][1])
+
+
+def test_a_curve_that_cannot_be_written_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = ("ball_seeking", *FEW, "--out", str(tmp_path / "tree.json"), "--curve", str(tmp_path))
+    assert f"{tmp_path}: " in refused(capsys, *words)
 
 
 def test_a_value_that_diverged_is_said_and_ends_the_curve(page_and_tree: tuple[str, Path]) -> None:

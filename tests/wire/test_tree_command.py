@@ -108,6 +108,12 @@ def damaged(tmp_path: Path) -> Path:
     return path
 
 
+def with_a_long_number(tmp_path: Path) -> Path:
+    path = tmp_path / "long.json"
+    path.write_text('{"feature": [%s]}' % ("1" * 5000))
+    return path
+
+
 def arrays(tmp_path: Path, **changes: Any) -> Path:
     path = tmp_path / "arrays.json"
     path.write_text(json.dumps({**ARRAYS, **changes}))
@@ -128,6 +134,10 @@ def arrays(tmp_path: Path, **changes: Any) -> Path:
         (("explain", BALL, "--at", "0.5,nan"), "ball_bearing is nan; it must be finite"),
         (("import", "missing", "--behavior", "ball_seeking", "--out", "x"), "missing: cannot be read"),
         (("import", damaged, "--behavior", "ball_seeking", "--out", "x"), "damaged.json: not JSON, or truncated"),
+        (
+            ("import", with_a_long_number, "--behavior", "ball_seeking", "--out", "x"),
+            "long.json: a number has too many digits",
+        ),
         (("import", arrays, "--behavior", "dancing", "--out", "x"), "unknown behavior 'dancing'"),
         (
             ("import", lambda place: arrays(place, feature=[7, -2, -2]), "--behavior", "ball_seeking", "--out", "x"),

@@ -80,10 +80,14 @@ def tree_from_bytes(data: bytes) -> Tree:
         raise BadInput(f"more than {MAX_BYTES} bytes; a tree file is smaller")
     try:
         found = json.loads(data, parse_constant=_not_a_number, parse_float=_finite)
+    except BadInput:
+        raise
     except UnicodeDecodeError:
         raise BadInput("not a tree file: it is no text") from None
     except json.JSONDecodeError as error:
         raise BadInput(f"not JSON, or truncated: {error.msg} in line {error.lineno}") from None
+    except ValueError:  # Python reads no whole number of more than 4300 digits
+        raise BadInput("not a tree file: a number has too many digits") from None
     except RecursionError:
         raise BadInput("not a tree file: it is nested too deeply") from None
     if not isinstance(found, dict) or found.get("format") != FORMAT:  # pyright: ignore[reportUnknownMemberType]
@@ -94,7 +98,7 @@ def tree_from_bytes(data: bytes) -> Tree:
         supported = ", ".join(str(known) for known in SUPPORTED_VERSIONS)
         raise BadInput(f"version is {version!r}; supported: {supported}; make the tree again with this release")
     tree = Tree(
-        _value(content, "behavior", str),
+        _name(content, "behavior"),
         tuple(_each(content, "features", _feature)),
         tuple(_each(content, "nodes", _node)),
         tuple(_each(content, "leaves", _leaf)),
@@ -108,7 +112,8 @@ def tree_from_bytes(data: bytes) -> Tree:
 
 
 def _feature(item: Any) -> Feature:
-    return Feature(_value(item, "name", str), _value(item, "unit", str), _number(item, "low"), _number(item, "high"))
+    unit = _value(item, "unit", str)
+    return Feature(_name(item, "name"), unit and _name(item, "unit"), _number(item, "low"), _number(item, "high"))
 
 
 def _leaf(item: Any) -> Leaf:
@@ -141,6 +146,14 @@ def _value[T](content: Any, key: str, kind: type[T]) -> T:
     if not isinstance(value, kind) or isinstance(value, bool):
         raise BadInput(f"'{key}' is missing, or of a wrong type")
     return value
+
+
+def _name(content: Any, key: str) -> str:
+    """A text that can stand in one line."""
+    text = _value(content, key, str)
+    if not text or not text.isprintable():
+        raise BadInput(f"'{key}' is {text!r}; it must be a name in one line")
+    return text
 
 
 def _number(content: Any, key: str) -> float:

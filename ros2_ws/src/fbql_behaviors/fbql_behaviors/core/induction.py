@@ -2,7 +2,7 @@
 
 State: a box s(phi). Actions: no split, and a half-split along each feature. A split is offered when none of the paper's
 four stop criteria forbids it: the halves would be narrower than `min_range`; the box holds fewer than `min_patterns`; a half
-would be empty (judged per action); the entropy is at most `max_entropy`.
+would hold fewer than `min_half_patterns`, by default none (judged per action); the entropy is at most `max_entropy`.
 
 Two objectives (docs/deviations.md): `printed` is eqs. 1-4 as printed. `weighted` counts a box's gain by its share of all
 patterns and adds the children's values instead of averaging them, so that with discount 1 the value of a tree is the entropy
@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from math import floor, log2
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +40,9 @@ class InductionParameters:
     discount: float = parameter(1.0, "gamma", low=0.0, high=1.0)
     min_range: float = parameter(1 / 64, "smallest range of a region, as a share of the root's", low=1 / 4096, high=1.0)
     min_patterns: int = parameter(2, "fewest patterns of a region that is split", low=2, high=1_000_000)
+    min_half_patterns: int = parameter(
+        1, "fewest patterns of each half of a split; 1: neither is empty", low=1, high=1_000_000
+    )
     max_entropy: float = parameter(0.0, "entropy up to which a region counts as pure", unit="nat", low=0.0, high=10.0)
     trials: int = parameter(50, "trials of the rl method", low=1, high=1_000_000)
     learning_rate: float = parameter(1.0, "alpha of the rl method", low=0.001, high=1.0)
@@ -99,8 +102,19 @@ def induce(behavior: str, patterns: Patterns, parameters: InductionParameters, s
     else:
         found = learn(boxes, parameters, np.random.default_rng(seed))
     nodes, leaves = _grow(boxes, found.split, patterns)
-    origin = {**asdict(parameters), "seed": seed, "patterns": len(patterns), "patterns_sha256": patterns.sha256}
+    origin = {**_told(parameters), "seed": seed, "patterns": len(patterns), "patterns_sha256": patterns.sha256}
     return Induced(Tree(behavior, patterns.features, nodes, leaves, origin), found.value, found.curve)
+
+
+def _told(parameters: InductionParameters) -> dict[str, Any]:
+    """What a tree's origin tells of the parameters.
+
+    `min_half_patterns` came later: where it forbids nothing it is left out, so that a tree's hash stays what it was.
+    """
+    told = asdict(parameters)
+    if parameters.min_half_patterns == 1:
+        del told["min_half_patterns"]
+    return told
 
 
 def plan(boxes: Boxes, parameters: InductionParameters) -> Values:
@@ -171,11 +185,11 @@ def split_rewards(
     """Eq. 3's reward of every half-split, and whether it is offered: both [b, d]; 0 where it is not."""
     left, right = boxes.left, boxes.right
     allowed = (boxes.count >= parameters.min_patterns) & (boxes.entropy > parameters.max_entropy)
-    offered = (left >= 0) & (right >= 0) & allowed[:, None]
     count = boxes.count.astype(np.float64)
-    gain = information_gain(
-        boxes.entropy[:, None], boxes.entropy[left], boxes.entropy[right], count[left], count[right]
-    )
+    n_left, n_right = count[left], count[right]
+    enough = np.minimum(n_left, n_right) >= parameters.min_half_patterns
+    offered = (left >= 0) & (right >= 0) & enough & allowed[:, None]
+    gain = information_gain(boxes.entropy[:, None], boxes.entropy[left], boxes.entropy[right], n_left, n_right)
     gain = gain * gain_weight(boxes, parameters)[:, None]
     reward = split_reward(parameters.split_cost, np.round(gain, 12))
     return np.where(offered, reward, 0.0), offered

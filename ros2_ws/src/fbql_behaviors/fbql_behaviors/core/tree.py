@@ -164,6 +164,10 @@ def canonical(content: Any) -> str:
 def _check_features(features: tuple[Feature, ...]) -> None:
     if not features:
         raise BadInput("a tree needs at least one feature")
+    names = [feature.name for feature in features]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput(f"feature '{name}' stands there twice")
     for feature in features:
         if not (isfinite(feature.low) and isfinite(feature.high) and feature.low < feature.high):
             raise BadInput(
