@@ -24,8 +24,10 @@ KNOTS = 17
 """Quantiles that a component's scale is made of."""
 SIGNED_SHARE = 0.1
 """A component is signed where at least this share of its values is below 0, and above."""
-_PRIME = (1 << 61) - 1
 _MIX = 1_000_003
+_WORD = (1 << 64) - 1
+_TILE = (1 << 62) - 1
+"""The bits of a tile's key."""
 _BELOW_ONE = 1.0 - 1e-12
 
 
@@ -106,6 +108,17 @@ def _rank(x: float, knots: list[float]) -> float:
     return min((i - 1 + (x - low) / (knots[i] - low)) / (len(knots) - 1), _BELOW_ONE)
 
 
+def mixed(count: int) -> list[int]:
+    """So many numbers without a pattern, 0 .. 2^63 - 1, the same for ever (SplitMix64): policies depend on them."""
+    found: list[int] = []
+    for i in range(1, count + 1):
+        z = i * 0x9E3779B97F4A7C15 & _WORD
+        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 & _WORD
+        z = (z ^ z >> 27) * 0x94D049BB133111EB & _WORD
+        found.append((z ^ z >> 31) >> 1)
+    return found
+
+
 class Resolution(NamedTuple):
     """How finely the features tell situations apart."""
 
@@ -138,23 +151,27 @@ class Features:
         self.resolution = resolution
         self.offsets = offsets
         self._index: dict[int, int] = {}
-        shifts: list[list[float]] = offsets.tolist()
-        starts = np.concatenate([[0], np.cumsum(scales.lengths)]).tolist()
-        pairs = list(combinations(range(len(scales.lengths)), 2))
+        n, d = len(scales.lengths), len(scales.knots)
+        pairs = list(combinations(range(n), 2))
         self._leaf_pairs = pairs if resolution.leaf_pairs else []
         groups: list[tuple[tuple[int, ...], int, int]] = []
         groups += [(pair, t, resolution.pair_tiles) for pair in pairs for t in range(resolution.pair_tilings)]
-        everybody = tuple(range(len(scales.lengths)))
         groups += [
-            (everybody, resolution.pair_tilings + t, resolution.joint_tiles) for t in range(resolution.joint_tilings)
+            (tuple(range(n)), resolution.pair_tilings + t, resolution.joint_tiles)
+            for t in range(resolution.joint_tilings)
         ]
-        self._tilings = [
-            (family, tiles, [(i, shifts[row][starts[i] : starts[i + 1]]) for i in group if scales.lengths[i]])
-            for family, (group, row, tiles) in enumerate(groups)
-            if any(scales.lengths[i] for i in group)
-        ]
-        leaves = len(scales.lengths) + len(pairs) if resolution.leaf_pairs else 0
-        self.active_features = leaves + len(self._tilings)
+        owner = np.repeat(np.arange(n), scales.lengths)
+        asked = [(group, np.isin(owner, group), row, tiles) for group, row, tiles in groups]
+        asked = [each for each in asked if each[1].any()]
+        # A row for each tiling, a column for each component; 0 where the tiling leaves the component out.
+        self._sizes = np.array([tiles * member for _, member, _, tiles in asked], dtype=np.float64).reshape(len(asked), d)
+        self._shifts = np.array([offsets[row] * member for _, member, row, _ in asked], dtype=np.float64).reshape(len(asked), d)
+        factors = np.array(mixed(len(asked) * (d + 1)), dtype=np.int64).reshape(len(asked), d + 1)
+        self._factors, self._families = factors[:, :d], factors[:, d]
+        self._needs = [[i for i in group if scales.lengths[i]] for group, *_ in asked]
+        """The behaviors without whose senses a tiling tells nothing."""
+        leaves = n + len(pairs) if resolution.leaf_pairs else 0
+        self.active_features = leaves + len(asked)
         """F: how many are active where every behavior answered."""
 
     @staticmethod
@@ -189,7 +206,9 @@ class Features:
         return [index[key] for key in self._keys(situation) if key in index]
 
     def _keys(self, situation: Situation) -> list[int]:
-        """A number for each active feature: equal for equal features, and for no others but by a chance of 2^-61.
+        """A number for each active feature: equal for equal features, and for no others but by a chance of 2^-62.
+
+        A tile's is the sum of its coordinates, each times a factor of its own, modulo 2^62.
 
         Those of leaves are below 0, where no tile's are.
         """
@@ -200,18 +219,18 @@ class Features:
             for i, j in self._leaf_pairs:
                 if leaves[i] != NO_LEAF and leaves[j] != NO_LEAF:
                     keys.append(((-1 - i * len(leaves) - j) * _MIX + leaves[i]) * _MIX + leaves[j])
+        if not self._needs:
+            return keys
         ranks = self.scales.ranks(situation.observed)
-        for family, tiles, members in self._tilings:
-            key = family + 1
-            for i, shift in members:
-                own = ranks[i]
-                if not own:
-                    break
-                for x, offset in zip(own, shift, strict=True):
-                    key = (key * _MIX + int(x * tiles + offset)) % _PRIME
-            else:
-                keys.append(key)
-        return keys
+        known = [bool(own) for own in ranks]
+        flat: list[float] = []
+        for own, length in zip(ranks, self.scales.lengths, strict=True):
+            flat += own or [0.0] * length
+        tiles = (self._sizes * flat + self._shifts).astype(np.int64)
+        found: list[int] = (((tiles * self._factors).sum(axis=1) + self._families) & _TILE).tolist()
+        if False not in known:
+            return keys + found
+        return keys + [key for key, needs in zip(found, self._needs, strict=True) if all(known[i] for i in needs)]
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """keys int64 [m], knots float64 [d, KNOTS], signed bool [d], lengths int64 [n], offsets float64 [tilings, d],
