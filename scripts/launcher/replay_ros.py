@@ -8,6 +8,7 @@ is replayed faster than it was recorded overtakes nobody.
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import os
 import sys
@@ -30,6 +31,7 @@ from rosgraph_msgs.msg import Clock
 from launcher.domains import MAX_DOMAIN_ID, free_domain
 from launcher.interrupts import Interrupts
 from launcher.pace import Order, Pace
+from launcher.panel import print_result
 from launcher.progress_line import ProgressLine
 from launcher.recorded_topics import message_class, qos_of
 from launcher.replay_keys import Keys
@@ -67,7 +69,11 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
             if keys.are_read:
                 say("space: pause, go on; s: a step; q: quit")
             stage.wait_for_subscribers(arguments.wait, interrupts)
-            return _Replay(run, arguments, window, stage, line, keys, interrupts).play()
+            replayed = _Replay(run, arguments, window, stage, line, keys, interrupts).play()
+            if arguments.json:
+                found = {"domain": domain_id, "topics": stage.names, "left_out": stage.left_out, **replayed}
+                print_result(json.dumps({**found, "complete": run.is_complete}))
+    return 0
 
 
 def say(text: str) -> None:
@@ -127,11 +133,14 @@ class Stage:
             NODE, context=self._context, use_global_arguments=False, enable_rosout=False, start_parameter_services=False
         )
         self._outlets: dict[str, Outlet] = {}
+        self.left_out: list[str] = []
+        """Topics that can't be published."""
         for topic in topics:
             try:
                 self._outlets[topic.name] = Outlet(self._node, topic)
             except BadInput as error:
                 say(f"left out: {error}")
+                self.left_out.append(topic.name)
         if not self._outlets:
             self.close()
             raise BadInput("none of the topics can be published here")
@@ -250,7 +259,8 @@ class _Replay:
         self._messages = 0
         self._covered_ns = 0
 
-    def play(self) -> int:
+    def play(self) -> dict[str, float]:
+        """Replays; gives what came of it, as it stands in --json."""
         begun_s = monotonic()
         again = True
         while again:
@@ -276,7 +286,14 @@ class _Replay:
             say(f"the recording's time went back {self._pace.went_back} times; nothing was waited for there")
         if late:
             say(f"{late} times a subscriber did not acknowledge within {_PATIENCE_S:g} s; it may have missed some")
-        return 0
+        return {
+            "messages": self._messages,
+            "replayed_s": covered_s,
+            "seconds": round(wall_s, 3),
+            "times_real_time": round(covered_s / wall_s, 2),
+            "went_back": self._pace.went_back,
+            "late": late,
+        }
 
     def _recorded(self) -> Iterator[Message]:
         return self._run.messages(self._stage.names, self._window.start_ns, self._window.end_ns)

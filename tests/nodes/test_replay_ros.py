@@ -123,6 +123,19 @@ def test_a_subscriber_hears_every_message_in_order_and_to_the_byte(recorded, lis
     assert "left out" not in said
 
 
+def test_json_tells_what_was_replayed_and_nothing_else_on_stdout(recorded, capfd, tmp_path):
+    run = rewrite(recorded, tmp_path / "run", lambda message: message.data, type_hash={"/world": "RIHS01_" + "0" * 64})
+    assert main([str(run), "--rate", "0", "--wait", "0", "--json"]) == 0
+    out = capfd.readouterr().out
+    assert out.count("\n") == 1
+    found = json.loads(out)
+    assert found["left_out"] == ["/world"]
+    assert set(found["topics"]) == set(open_run(run).topics) - {"/world"}
+    assert found["messages"] == 5 * len(stamps_of(run))
+    assert found["replayed_s"] == pytest.approx((stamps_of(run)[-1] - stamps_of(run)[0]) / 1e9)
+    assert (found["went_back"], found["late"], found["complete"]) == (0, 0, True)
+
+
 def test_messages_come_at_the_recorded_rate(recorded, capfd):
     begun_s = monotonic()
     assert main([str(recorded), "--rate", "2", "--duration", "0.5", "--wait", "0"]) == 0
