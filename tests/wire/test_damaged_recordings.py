@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from damaged_recordings import Case, Sound, corpus, mcap_of, record_sound
+from damaged_recordings import main as make_corpus
 from fbql_analysis import Run, open_run
 from fbql_common.core.errors import BadInput
 from launcher import compare, replay, report
@@ -80,6 +81,17 @@ def test_the_corpus_has_every_kind_of_damage(cases):
     for kind in (*kinds, "attachment", "attachment_index", "metadata_index", "summary_offset", "footer", "data_end"):
         assert any(f"of the {kind} at" in name for name in names), kind
         assert any(f"cut after the {kind} at" in name for name in names), kind
+
+
+def test_the_corpus_is_made_by_a_program_as_well(cases, tmp_path, capsys):
+    place = tmp_path / "corpus"
+    assert make_corpus([str(place)]) == 0
+    lines = [line.split("\t") for line in (place / "index.tsv").read_text().splitlines()]
+    assert len(lines) == len(cases)
+    assert [name for name, path in lines if not (place / path).exists()] == [repr("nothing there")]
+    assert make_corpus([str(place)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    shutil.rmtree(place)
 
 
 @pytest.mark.parametrize("how", ["open", "open and skip", "recover"])
