@@ -35,6 +35,7 @@ from launcher.panel import print_result
 from launcher.progress_line import ProgressLine
 from launcher.recorded_topics import message_class, qos_of
 from launcher.replay_keys import Keys
+from launcher.replay_views import ReplayViews
 
 NODE = "replay"
 NS = 1_000_000_000
@@ -59,7 +60,7 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
     with nullcontext(domain) if domain is not None else free_domain() as domain_id:
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         with (
-            closing(Stage(topics, domain_id, arguments.clock)) as stage,
+            closing(Stage(run, topics, domain_id, arguments.clock, views=arguments.topics is None)) as stage,
             closing(ProgressLine()) as line,
             Keys() as keys,
         ):
@@ -114,15 +115,19 @@ def _topics(run: Run, wanted: list[str] | None) -> list[Topic]:
 
 
 class Stage:
-    """The node that publishes what was recorded.
+    """The node that publishes what was recorded, and views of it where somebody looks.
 
     Topics whose type is not installed, or was recorded with another definition, are left out with a line that says so.
+
+    Args:
+        clock: whether the time is published.
+        views: whether poses and markers are made of the world states.
 
     Raises:
         BadInput: nothing is left.
     """
 
-    def __init__(self, topics: list[Topic], domain_id: int, clock: bool) -> None:
+    def __init__(self, run: Run, topics: list[Topic], domain_id: int, clock: bool, views: bool) -> None:
         self._context = rclpy.Context()
         args = ["--ros-args", "--disable-external-lib-logs"]
         rclpy.init(
@@ -144,6 +149,7 @@ class Stage:
         if not self._outlets:
             self.close()
             raise BadInput("none of the topics can be published here")
+        self._views = ReplayViews(self._node, run, self.names if views else [])
         self._clock: Publisher | None = None
         if clock and CLOCK not in self._outlets:
             self._clock = self._node.create_publisher(Clock, CLOCK, 10)
@@ -162,6 +168,7 @@ class Stage:
             clock.clock.sec, clock.clock.nanosec = divmod(self._clock_ns, NS)
             self._clock.publish(clock)
         self._outlets[message.topic].publish(message.data)
+        self._views.show(message.topic, message.data)
 
     def refuse_twins(self, interrupts: Interrupts) -> None:
         """Raises BadInput where somebody publishes one of the topics in this domain already."""
