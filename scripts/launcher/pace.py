@@ -69,7 +69,8 @@ class Pace:
             self._look(0.0)
         while not self.quit and not self._is_due(time_ns):
             was_paused = self.is_paused
-            self._look(_WAIT_S if was_paused else min(self._left_s(time_ns), _WAIT_S))
+            # Time goes on between two looks at the clock: what was not due a moment ago may be so now.
+            self._look(_WAIT_S if was_paused else min(max(self._left_s(time_ns), 0.0), _WAIT_S))
             if was_paused and not self.is_paused:
                 self._due_now(time_ns)
         if not self.quit:

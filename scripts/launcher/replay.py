@@ -128,5 +128,3 @@ def _check(arguments: argparse.Namespace) -> None:
         raise BadInput("a run of which something is left out can't be verified; leave --skip-corrupt out")
     if (arguments.csv or arguments.figure) and not what_if:
         raise BadInput("--csv and --figure show what another value would do: add --set, --trees or the like")
-    if arguments.json and not (arguments.verify or what_if):
-        raise BadInput("--json goes with --verify or a what-if; a replay onto ROS has no result")

@@ -8,6 +8,7 @@ is replayed faster than it was recorded overtakes nobody.
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import os
 import sys
@@ -30,9 +31,11 @@ from rosgraph_msgs.msg import Clock
 from launcher.domains import MAX_DOMAIN_ID, free_domain
 from launcher.interrupts import Interrupts
 from launcher.pace import Order, Pace
+from launcher.panel import print_result
 from launcher.progress_line import ProgressLine
 from launcher.recorded_topics import message_class, qos_of
 from launcher.replay_keys import Keys
+from launcher.replay_views import ReplayViews
 
 NODE = "replay"
 NS = 1_000_000_000
@@ -57,7 +60,7 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
     with nullcontext(domain) if domain is not None else free_domain() as domain_id:
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         with (
-            closing(Stage(topics, domain_id, arguments.clock)) as stage,
+            closing(Stage(run, topics, domain_id, arguments.clock, views=arguments.topics is None)) as stage,
             closing(ProgressLine()) as line,
             Keys() as keys,
         ):
@@ -67,7 +70,11 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
             if keys.are_read:
                 say("space: pause, go on; s: a step; q: quit")
             stage.wait_for_subscribers(arguments.wait, interrupts)
-            return _Replay(run, arguments, window, stage, line, keys, interrupts).play()
+            replayed = _Replay(run, arguments, window, stage, line, keys, interrupts).play()
+            if arguments.json:
+                found = {"domain": domain_id, "topics": stage.names, "left_out": stage.left_out, **replayed}
+                print_result(json.dumps({**found, "complete": run.is_complete}))
+    return 0
 
 
 def say(text: str) -> None:
@@ -108,15 +115,19 @@ def _topics(run: Run, wanted: list[str] | None) -> list[Topic]:
 
 
 class Stage:
-    """The node that publishes what was recorded.
+    """The node that publishes what was recorded, and views of it where somebody looks.
 
     Topics whose type is not installed, or was recorded with another definition, are left out with a line that says so.
+
+    Args:
+        clock: whether the time is published.
+        views: whether poses and markers are made of the world states.
 
     Raises:
         BadInput: nothing is left.
     """
 
-    def __init__(self, topics: list[Topic], domain_id: int, clock: bool) -> None:
+    def __init__(self, run: Run, topics: list[Topic], domain_id: int, clock: bool, views: bool) -> None:
         self._context = rclpy.Context()
         args = ["--ros-args", "--disable-external-lib-logs"]
         rclpy.init(
@@ -127,14 +138,18 @@ class Stage:
             NODE, context=self._context, use_global_arguments=False, enable_rosout=False, start_parameter_services=False
         )
         self._outlets: dict[str, Outlet] = {}
+        self.left_out: list[str] = []
+        """Topics that can't be published."""
         for topic in topics:
             try:
                 self._outlets[topic.name] = Outlet(self._node, topic)
             except BadInput as error:
                 say(f"left out: {error}")
+                self.left_out.append(topic.name)
         if not self._outlets:
             self.close()
             raise BadInput("none of the topics can be published here")
+        self._views = ReplayViews(self._node, run, self.names if views else [])
         self._clock: Publisher | None = None
         if clock and CLOCK not in self._outlets:
             self._clock = self._node.create_publisher(Clock, CLOCK, 10)
@@ -153,6 +168,7 @@ class Stage:
             clock.clock.sec, clock.clock.nanosec = divmod(self._clock_ns, NS)
             self._clock.publish(clock)
         self._outlets[message.topic].publish(message.data)
+        self._views.show(message.topic, message.data)
 
     def refuse_twins(self, interrupts: Interrupts) -> None:
         """Raises BadInput where somebody publishes one of the topics in this domain already."""
@@ -250,7 +266,8 @@ class _Replay:
         self._messages = 0
         self._covered_ns = 0
 
-    def play(self) -> int:
+    def play(self) -> dict[str, float]:
+        """Replays; gives what came of it, as it stands in --json."""
         begun_s = monotonic()
         again = True
         while again:
@@ -276,7 +293,14 @@ class _Replay:
             say(f"the recording's time went back {self._pace.went_back} times; nothing was waited for there")
         if late:
             say(f"{late} times a subscriber did not acknowledge within {_PATIENCE_S:g} s; it may have missed some")
-        return 0
+        return {
+            "messages": self._messages,
+            "replayed_s": covered_s,
+            "seconds": round(wall_s, 3),
+            "times_real_time": round(covered_s / wall_s, 2),
+            "went_back": self._pace.went_back,
+            "late": late,
+        }
 
     def _recorded(self) -> Iterator[Message]:
         return self._run.messages(self._stage.names, self._window.start_ns, self._window.end_ns)

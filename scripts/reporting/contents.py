@@ -19,6 +19,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.field import AXLE_M, BALL_RADIUS_M, FIELD, ROBOT_SIDE_M, WHEEL_RADIUS_M
 from fbql_common.core.types import Phase
 
+from reporting.meanings import FEATURES
 from reporting.texts import plain
 
 UNIT = 1e-4
@@ -209,7 +210,10 @@ def _tree_words(tree: Tree | None) -> dict[str, Any] | None:
         return None
     return {
         "leaves": [[plain(rule.where), plain(rule.what)] for rule in rules(tree)],
-        "features": [[plain(feature.name), plain(feature.unit), is_direction(feature)] for feature in tree.features],
+        "features": [
+            [plain(feature.name), plain(feature.unit), is_direction(feature), FEATURES.get(feature.name, "")]
+            for feature in tree.features
+        ],
     }
 
 

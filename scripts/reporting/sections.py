@@ -12,30 +12,11 @@ from fbql_common.core.parameters import from_mapping
 from fbql_fusion.core.parameters import FusionParameters
 
 from reporting.contents import UNIT, Contents, counted
+from reporting.meanings import CONTROLLERS, FEATURES
 from reporting.texts import NOT_AVAILABLE, html, table, value_text
 
 OUTCOMES = {"goal": ("●", "goal"), "own_goal": ("✕", "own goal"), "timeout": ("◆", "time limit")}
 """A sign and a word: never a colour alone."""
-_CONTROLLERS = {
-    "subsumption": "One behavior drives alone: the first of the layers that is triggered.",
-    "uniform": "All behaviors drive together: the command is the mean of their references.",
-    "fbql_literal": "All behaviors drive together: the command is the sum of their references, each times its weight. The "
-    "weights belong to the joint state (the leaves of all behaviors) and change by the paper's equations 5 and 6.",
-    "fbql": "One behavior drives alone for some steps (fbql_hold_steps); it is chosen by learned weights, which depend on "
-    "the joint state (the leaves of all behaviors) and on what is sensed. Recorded is the choice: weight 1 for who drives.",
-}
-
-
-_FEATURES = {
-    "ball_distance": "how far the ball is away",
-    "ball_bearing": "on which side of the robot the ball is; 0 is straight ahead",
-    "wall_distance": "how far the closest point of the walls is away",
-    "wall_bearing": "on which side of the robot that point is",
-    "detour_heading_error": "on which side of the robot the way round the ball is: straight at the ball when that pushes it "
-    "at the goal, else past it on the side that leads behind it",
-    "approach_angle": "how far the line from the ball to the goal turns from the line from the robot to the ball; 0 means "
-    "that driving at the ball pushes it at the goal",
-}
 
 
 def tiles(contents: Contents) -> str:
@@ -79,9 +60,7 @@ def warnings(contents: Contents) -> str:
 def controllers(contents: Contents) -> str:
     """What the controllers of the run do, in words, and what triggers the layers of Subsumption."""
     parts = [
-        f"<p><b>{html(name)}.</b> {html(_CONTROLLERS[name])}</p>"
-        for name in contents.controllers
-        if name in _CONTROLLERS
+        f"<p><b>{html(name)}.</b> {html(CONTROLLERS[name])}</p>" for name in contents.controllers if name in CONTROLLERS
     ]
     guided = any(episode.phase == "guided" for episode in contents.episodes)
     if guided:
@@ -95,7 +74,7 @@ def senses(contents: Contents) -> str:
     """What the features mean that stand in the rules, as far as they are ours."""
     names = {feature.name for tree in contents.trees.values() for feature in tree.features}
     known = [
-        f"<div><dt>{name.replace('_', ' ')}</dt><dd>{_FEATURES[name]}</dd></div>" for name in _FEATURES if name in names
+        f"<div><dt>{name.replace('_', ' ')}</dt><dd>{FEATURES[name]}</dd></div>" for name in FEATURES if name in names
     ]
     return (
         f'<p>What they sense; left and right are as the robot sees it:</p><dl class="senses">{"".join(known)}</dl>'

@@ -47,6 +47,25 @@ def test_messages_come_out_when_they_are_due(rate):
     assert played([5.0, 5.5, 5.5, 9.0], rate) == pytest.approx([0.0, 0.5 / rate, 0.5 / rate, 4.0 / rate])
 
 
+def test_nothing_is_ever_waited_for_less_than_no_time():
+    """A message that comes due between two looks at the clock, however much of it passes there."""
+    asked_s: list[float] = []
+    time = Time()
+
+    def now() -> float:
+        time.s += 0.03
+        return time.s
+
+    def orders(patience_s: float) -> list[Order]:
+        asked_s.append(patience_s)
+        return []
+
+    pace = Pace(1.0, now, orders)
+    assert all(pace.wait(number * NS // 3) for number in range(50))
+    assert len(asked_s) > 100
+    assert min(asked_s) >= 0.0
+
+
 @given(st.lists(st.floats(0.0, 1e3), min_size=1, max_size=20))
 def test_as_fast_as_it_goes_waits_for_nothing(times_s):
     assert played(times_s, rate=0.0) == [0.0] * len(times_s)

@@ -1,6 +1,8 @@
 """Damaged recordings, made from sound ones: cut off, flipped, foreign, lying about sizes, leading elsewhere.
 
-`corpus` gives them all, always the same. Each is a function that makes one in an empty directory and gives its path.
+`corpus` gives them all, always the same. Each is a function that makes one in an empty directory and gives its path. As a
+program it makes them all, for a reader of one's own: `python tests/helpers/damaged_recordings.py DIR`, after
+`source scripts/env.sh`. DIR/index.tsv names each, and what a user would name.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ import json
 import os
 import shutil
 import struct
+import sys
 import zlib
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -336,3 +339,24 @@ def attachment(name: str, data: bytes) -> bytes:
     )
     body += struct.pack("<I", zlib.crc32(body))
     return struct.pack("<BQ", Opcode.ATTACHMENT, len(body)) + body
+
+
+def main(arguments: list[str]) -> int:
+    """Makes the corpus in a directory that is not there yet. Gives the exit code."""
+    if len(arguments) != 1 or Path(arguments[0]).exists():
+        print("usage: damaged_recordings.py DIR, a directory to make", file=sys.stderr)
+        return 2
+    place = Path(arguments[0])
+    place.mkdir(parents=True)
+    cases = list(corpus(record_sound(place)))
+    with (place / "index.tsv").open("w", encoding="utf-8") as index:
+        for number, case in enumerate(cases):
+            directory = place / f"{number:03}"
+            directory.mkdir()
+            index.write(f"{case.name!r}\t{case.make(directory).relative_to(place)}\n")
+    print(f"{len(cases)} damaged recordings in {place}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -2,8 +2,8 @@
 
 {"topics": {"/world": "fbql_msgs/msg/WorldState"}, "expected": {"/world": 100}, "patience_s": 20}: it ends when as many
 messages as expected have come, or after that time. On stdout: "ready" when it has subscribed, then one JSON object: for
-each topic the SHA-256 of each message in the order they came, the stamps of /clock as [ns], and how the publishers
-offered their topics.
+each topic the SHA-256 of each message in the order they came (of topics in "read", which may be left out, that of what it
+says), the stamps of /clock as [ns], and how the publishers offered their topics.
 """
 
 from __future__ import annotations
@@ -36,8 +36,9 @@ def main() -> None:
     came: dict[str, list[Any]] = {topic: [] for topic in (*asked["topics"], "/clock")}
     offers: dict[str, list[str]] = {}
 
-    def hear(topic: str, data: bytes) -> None:
-        came[topic].append(padded_hash(data))
+    def hear(topic: str, kind: type, data: bytes) -> None:
+        is_read = topic in asked.get("read", ())
+        came[topic].append(read_hash(deserialize_message(data, kind)) if is_read else padded_hash(data))
         if topic not in offers:
             offers[topic] = [offered(info.qos_profile) for info in node.get_publishers_info_by_topic(topic)]
 
@@ -50,7 +51,7 @@ def main() -> None:
     for topic, type_name in asked["topics"].items():
         package, _, name = type_name.split("/")
         kind = getattr(import_module(f"{package}.msg"), name)
-        node.create_subscription(kind, topic, partial(hear, topic), qos, raw=True)
+        node.create_subscription(kind, topic, partial(hear, topic, kind), qos, raw=True)
     node.create_subscription(Clock, "/clock", hear_clock, QoSProfile(depth=DEPTH), raw=True)
     executor = EventsExecutor()
     executor.add_node(node)
@@ -65,6 +66,11 @@ def main() -> None:
 def padded_hash(data: bytes) -> str:
     """SHA-256 of a message as it comes: the middleware pads it to 4 bytes."""
     return hashlib.sha256(data + bytes(-len(data) % 4)).hexdigest()
+
+
+def read_hash(message: object) -> str:
+    """SHA-256 of what a message says: its bytes have whatever was in memory between its fields."""
+    return hashlib.sha256(repr(message).encode()).hexdigest()
 
 
 def offered(qos: QoSProfile) -> str:

@@ -19,12 +19,16 @@ from typing import Any
 import pytest
 from fbql_analysis import open_run
 from fbql_fusion.bag_metadata import Qos
+from fbql_sim.views import markers_msg, pose_msgs
 from launcher.interrupts import NUMBERS
 from launcher.replay import main
+from launcher.replay_views import ReplayViews
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
 from recorded_match import ROOT, record_match
-from replay_listener import padded_hash
+from replay_listener import padded_hash, read_hash
 from rewritten_run import rewrite
 
 PATIENCE_S = 20.0
@@ -123,6 +127,19 @@ def test_a_subscriber_hears_every_message_in_order_and_to_the_byte(recorded, lis
     assert "left out" not in said
 
 
+def test_json_tells_what_was_replayed_and_nothing_else_on_stdout(recorded, capfd, tmp_path):
+    run = rewrite(recorded, tmp_path / "run", lambda message: message.data, type_hash={"/world": "RIHS01_" + "0" * 64})
+    assert main([str(run), "--rate", "0", "--wait", "0", "--json"]) == 0
+    out = capfd.readouterr().out
+    assert out.count("\n") == 1
+    found = json.loads(out)
+    assert found["left_out"] == ["/world"]
+    assert set(found["topics"]) == set(open_run(run).topics) - {"/world"}
+    assert found["messages"] == 5 * len(stamps_of(run))
+    assert found["replayed_s"] == pytest.approx((stamps_of(run)[-1] - stamps_of(run)[0]) / 1e9)
+    assert (found["went_back"], found["late"], found["complete"]) == (0, 0, True)
+
+
 def test_messages_come_at_the_recorded_rate(recorded, capfd):
     begun_s = monotonic()
     assert main([str(recorded), "--rate", "2", "--duration", "0.5", "--wait", "0"]) == 0
@@ -141,6 +158,57 @@ def test_a_part_of_the_recording_and_of_its_topics_is_replayed(recorded, listen,
     heard = listener.heard()
     assert heard["/world"] == expected
     assert heard["/clock"] == []
+
+
+VIEWS = {
+    "/robot/pose": "geometry_msgs/msg/PoseStamped",
+    "/ball/pose": "geometry_msgs/msg/PoseStamped",
+    "/wall/pose": "geometry_msgs/msg/PoseStamped",
+    "/simulator/markers": "visualization_msgs/msg/MarkerArray",
+}
+
+
+def views_of(run: Path) -> dict[str, list[str]]:
+    """What the simulator would have shown, as a listener hears it."""
+    found: dict[str, list[str]] = {topic: [] for topic in VIEWS}
+    for step in open_run(run).steps():
+        messages = [*pose_msgs(step.world), markers_msg(step.world)]
+        for topic, message in zip(VIEWS, messages, strict=True):
+            # There and back: some fields have 32 bits on the wire.
+            found[topic].append(read_hash(deserialize_message(serialize_message(message), type(message))))
+    return found
+
+
+def test_poses_and_markers_come_as_from_the_simulator_where_somebody_looks(recorded, listen, replay):
+    topics = {name: topic.type_name for name, topic in open_run(recorded).topics.items()} | VIEWS
+    shown = views_of(recorded)
+    counts = {topic: len(each) for topic, each in hashes_of(recorded).items()}
+    # Who subscribes is looked at four times a second: the first views may come a moment later than the first steps.
+    enough = {topic: len(each) // 2 for topic, each in shown.items()}
+    listener = listen(recorded, counts | enough, topics=topics, read=list(VIEWS))
+    assert replay(recorded, "--rate", "2") == 0
+    heard = listener.heard()
+    for topic, expected in shown.items():
+        first = expected.index(heard[topic][0])
+        assert heard[topic] == expected[first : first + len(heard[topic])]
+        assert len(heard[topic]) >= len(expected) // 2
+
+
+def test_views_that_are_recorded_are_not_made_again_and_without_world_states_there_are_none(recorded, bench):
+    node = Node("views", context=bench._context, use_global_arguments=False)
+
+    def made(run: Any, topics: list[str]) -> set[str]:
+        before = {publisher.topic_name for publisher in node.publishers}
+        ReplayViews(node, run, topics)
+        return {publisher.topic_name for publisher in node.publishers} - before
+
+    run = open_run(recorded)
+    try:
+        assert made(run, ["/wheel_command"]) == set()
+        run.topics["/robot/pose"] = run.topics["/world"]
+        assert made(run, ["/world"]) == VIEWS.keys() - {"/robot/pose"}
+    finally:
+        node.destroy_node()
 
 
 def test_topics_are_offered_as_they_were_recorded(recorded, listen, replay, tmp_path):
@@ -192,7 +260,6 @@ def test_a_domain_of_its_own_is_taken_unless_one_is_named(recorded, domain, capf
 
 def test_a_domain_in_which_the_same_is_published_is_refused(recorded, replay, bench, capfd):
     from fbql_msgs.msg import WorldState
-    from rclpy.node import Node
 
     other = Node("simulator", context=bench._context, use_global_arguments=False)
     publisher = other.create_publisher(WorldState, "/world", 10)

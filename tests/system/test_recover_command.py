@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from time import monotonic, time
+from time import monotonic
 
 import pytest
-from bringup_run import Run
+from bringup_run import ROOT, Run
 from fbql_analysis import open_run
 from javascript_reader import IS_THERE, read_with_javascript
 from recorded_match import record_match
@@ -20,28 +23,58 @@ from run_directory_reader import finalised, parameters_of, summary_of
 from verified_run import verification_of
 
 Start = Callable[..., Run]
-LATE_S = 1.0
+DOMAIN = re.compile(r"ROS_DOMAIN_ID=(\d+)")
+WITNESS = ROOT / "tests" / "helpers" / "command_witness.py"
+LATE_S = 0.3
 """How much later than it should a timer may come on a busy machine [s]."""
 
 
-def kill_fusion_after(run: Run, delay_s: float) -> tuple[Path, float]:
-    """Kills the fusion node so long after its recording began; gives the recording, and how long it had not grown."""
-    run.until(lambda: list(run.out.glob("*.active")) and "fusion" in run.nodes(), "the recording began")
-    (active,) = run.out.glob("*.active")
-    begun = monotonic()
-    run.until(lambda: monotonic() - begun >= delay_s, f"{delay_s:.3f} s have passed")
-    os.kill(run.nodes()["fusion"], signal.SIGKILL)
-    killed_s = time()
-    assert run.exit_code() == 1
-    return active, killed_s - active.stat().st_mtime
+class Witness:
+    """Another process that hears every command of a run, and when."""
+
+    def __init__(self, run: Run) -> None:
+        run.until(lambda: DOMAIN.search(run.stderr), "its domain is told")
+        found = DOMAIN.search(run.stderr)
+        assert found is not None
+        self._path = run.place / "commands.txt"
+        self._popen = subprocess.Popen(
+            [sys.executable, str(WITNESS), found[1], str(self._path)],
+            env={**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_LOG_DIR": str(run.place)},
+        )
+        run.until(lambda: self._path.exists() and self._path.stat().st_size, "the first command is heard")
+
+    def heard(self) -> list[tuple[float, tuple[int, int]]]:
+        """When each command came [s], and its episode and step. Ends it."""
+        self.close()
+        lines = [line.split() for line in self._path.read_text().splitlines(keepends=True) if line.endswith("\n")]
+        return [(int(time_ns) / 1e9, (int(episode), int(step))) for time_ns, episode, step in lines]
+
+    def close(self) -> None:
+        self._popen.kill()
+        self._popen.wait()
+
+
+def kill_fusion_after(run: Run, delay_s: float) -> tuple[Path, float, list[tuple[float, tuple[int, int]]]]:
+    """Kills the fusion node so long after its commands are heard; gives the recording, when, and the commands."""
+    witness = Witness(run)
+    try:
+        begun = monotonic()
+        run.until(lambda: monotonic() - begun >= delay_s, f"{delay_s:.3f} s have passed")
+        fusion = run.nodes()["fusion"]
+        killed_s = monotonic()
+        os.kill(fusion, signal.SIGKILL)
+        assert run.exit_code() == 1
+        (active,) = run.out.glob("*.active")
+        return active, killed_s, witness.heard()
+    finally:
+        witness.close()
 
 
 def check_killed(start: Start, seed: int) -> None:
     """Plays, kills fusion at a random moment, recovers, and reads the result with everything there is."""
     delay_s = random.Random(seed).uniform(1.0, 4.0)
     run = start("--controller", "fbql_literal", "--guided", "2", "--episodes", "100000", "--seed", str(seed))
-    active, not_written_s = kill_fusion_after(run, delay_s)
-    assert not_written_s <= parameters_of(run.out)["fusion"]["flush_period_s"] + LATE_S
+    active, killed_s, heard = kill_fusion_after(run, delay_s)
     size = active.stat().st_size
     recover = start(str(run.out), "--json", script="recover.py", out=False)
     assert recover.exit_code() == 3, recover.stderr
@@ -57,6 +90,11 @@ def check_killed(start: Start, seed: int) -> None:
     steps = list(open_run(recovered).steps())
     assert found["steps"] == len(steps)
     assert all(step.world and step.command and step.decision for step in steps[:-1])
+    # What was decided earlier than a flush period before the kill is there.
+    last = (steps[-1].episode, steps[-1].step)
+    lost = [came_s for came_s, step in heard if step > last]
+    assert len(lost) < len(heard), "nothing that was heard was recorded"
+    assert killed_s - min(lost, default=killed_s) <= parameters_of(run.out)["fusion"]["flush_period_s"] + LATE_S
     verified = verification_of(recovered)
     assert (verified.difference, verified.steps + verified.unfinished) == (None, len(steps))
     assert summary_of(recovered)["incomplete"] is True

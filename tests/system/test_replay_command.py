@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import random
 from collections.abc import Iterator
 from pathlib import Path
+from struct import pack
 
 import pytest
 from bringup_run import Run
-from fbql_analysis import open_run
+from fbql_analysis import Message, open_run
+from fbql_common.wire import decode_decision
+from rewritten_run import rewrite
 from run_directory_reader import summary_of
 
 
@@ -48,3 +52,42 @@ def test_no_run_is_one_line(tmp_path, start):
     replay = start(str(tmp_path / "gone"), "--verify", script="replay.py", out=False)
     assert replay.exit_code() == 2
     assert replay.stderr == f"replay.py: {tmp_path / 'gone'}: no such run or recording\n"
+
+
+def flipped(message: Message, place: float, bit: int) -> bytes:
+    """A decision with one bit of one of its weights flipped, whichever lies there."""
+    weights = decode_decision(message.data).weights
+    at = message.data.index(pack(f"<{len(weights)}d", *weights))
+    data = bytearray(message.data)
+    data[at + int(place * 8 * len(weights))] ^= 1 << bit
+    return bytes(data)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_of_a_run_that_learned_every_step_is_identical_and_a_flipped_bit_of_a_weight_is_named(start, tmp_path, seed):
+    bringup = start("--controller", "fbql", "--learn", "--episodes", "3", "--seed", str(seed))
+    assert bringup.exit_code() == 0, bringup.stderr
+    steps = [(step.episode, step.step) for step in open_run(bringup.out).steps()]
+    verify = start(str(bringup.out), "--verify", "--json", script="replay.py", out=False)
+    assert verify.exit_code() == 0, verify.stderr
+    found = json.loads(verify.stdout)
+    assert (found["identical"], found["steps"], found["not_recomputed"]) == (True, len(steps), {})
+
+    chance = random.Random(seed)
+    index, place, bit = chance.randrange(len(steps)), chance.random(), chance.randrange(8)
+
+    def change(message: Message) -> bytes:
+        if message.topic != "/fusion/decision":
+            return message.data
+        decision = decode_decision(message.data)
+        is_it = (decision.episode, decision.step) == steps[index]
+        return flipped(message, place, bit) if is_it else message.data
+
+    copy = rewrite(bringup.out, tmp_path / "flipped", change)
+    verify = start(str(copy), "--verify", "--json", script="replay.py", out=False)
+    assert verify.exit_code() == 1, verify.stderr
+    found = json.loads(verify.stdout)
+    difference = found["first_difference"]
+    assert (found["identical"], found["steps"], difference["index"]) == (False, index, index)
+    assert (difference["episode"], difference["step"]) == steps[index]
+    assert difference["what"] == "weights of the decision"

@@ -135,6 +135,18 @@ def test_who_drives_and_why_is_said(browser, columns):
     assert "the wall is nearer than" in browser.evaluate("document.body.textContent")
 
 
+def test_the_words_of_a_rule_are_explained_where_they_stand(browser):
+    is_open = "document.querySelector('.behavior:nth-child(3) .sensed').open"
+    assert not browser.evaluate(is_open)
+    browser.click(".behavior:nth-child(3) summary")
+    assert browser.evaluate(is_open)
+    assert "(in the rules: the detour)" in text(browser, ".behavior:nth-child(3) .sensed p")
+    settle(browser)
+    browser.evaluate("document.querySelector('.behavior:nth-child(1) summary').focus()")
+    browser.key("Enter")
+    assert "how far the ball is away" in text(browser, ".behavior:nth-child(1) details[open] p")
+
+
 def test_a_second_leads_to_its_step(browser, columns):
     browser.evaluate("document.getElementById('second').focus()")
     browser.evaluate("document.getElementById('second').value = ''")

@@ -4,16 +4,22 @@ tells anything that was not recorded."""
 from __future__ import annotations
 
 import shutil
+import signal
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 from damaged_recordings import Case, Sound, corpus, mcap_of, record_sound
+from damaged_recordings import main as make_corpus
 from fbql_analysis import Run, open_run
 from fbql_common.core.errors import BadInput
+from launcher import compare, replay, report
+from launcher import recover as recover_command
+from launcher.interrupts import NUMBERS
 from launcher.recovery import recover
 from verified_run import verification_of
 
@@ -30,6 +36,15 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Sound:
 @pytest.fixture(scope="module")
 def cases(sound: Sound) -> list[Case]:
     return list(corpus(sound))
+
+
+@pytest.fixture
+def signal_handlers() -> Iterator[None]:
+    """The commands' own end with the test."""
+    before = {number: signal.getsignal(number) for number in NUMBERS}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 def told_by(run: Run) -> list[Told]:
@@ -66,6 +81,17 @@ def test_the_corpus_has_every_kind_of_damage(cases):
     for kind in (*kinds, "attachment", "attachment_index", "metadata_index", "summary_offset", "footer", "data_end"):
         assert any(f"of the {kind} at" in name for name in names), kind
         assert any(f"cut after the {kind} at" in name for name in names), kind
+
+
+def test_the_corpus_is_made_by_a_program_as_well(cases, tmp_path, capsys):
+    place = tmp_path / "corpus"
+    assert make_corpus([str(place)]) == 0
+    lines = [line.split("\t") for line in (place / "index.tsv").read_text().splitlines()]
+    assert len(lines) == len(cases)
+    assert [name for name, path in lines if not (place / path).exists()] == [repr("nothing there")]
+    assert make_corpus([str(place)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    shutil.rmtree(place)
 
 
 @pytest.mark.parametrize("how", ["open", "open and skip", "recover"])
@@ -133,6 +159,42 @@ def test_a_verified_replay_of_a_damaged_recording_never_tells_of_a_difference(so
                 assert "\n" not in str(error)
         shutil.rmtree(place)
     assert {0, steps} < verified
+
+
+COMMANDS: dict[str, tuple[Callable[[Sequence[str]], int], list[str]]] = {
+    "verify": (replay.main, ["--verify"]),
+    "what if": (replay.main, ["--set", "tie_rule=first", "--skip-corrupt"]),
+    "report": (report.main, ["--out", "OUT"]),
+    "report, skip": (report.main, ["--out", "OUT", "--skip-corrupt"]),
+    "compare": (compare.main, ["OTHER"]),
+    "recover": (recover_command.main, ["--out", "OUT"]),
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_warns_or_refuses_in_one_line(sound, cases, tmp_path, capsys, signal_handlers, command):
+    """Exit code 2 and one line more than the warnings, or 3 and warnings; 0 only where nothing is missing."""
+    main, options = COMMANDS[command]
+    codes: Counter[int] = Counter()
+    for number, case in enumerate(cases[list(COMMANDS).index(command) % 3 :: 3]):
+        # Of a chunk that is gone from a file without an end only recovery knows.
+        if command != "recover" and case.name.startswith("killed: the chunk"):
+            continue
+        place = tmp_path / str(number)
+        place.mkdir()
+        path = case.make(place)
+        texts = {"OUT": str(place / "out"), "OTHER": str(sound.finished)}
+        code = main([str(path), *(texts.get(option, option) for option in options)])
+        said = capsys.readouterr().err.splitlines()
+        codes[code] += 1
+        assert code in (0, 2, 3), case.name
+        loud = [line for line in said if ": warning: " not in line]
+        assert len(loud) == (code == 2), (case.name, said)
+        if command != "recover":  # it prints what is lost
+            assert code != 3 or said, case.name
+            assert code != 0 or not case.is_ours or open_run(path).is_complete, case.name
+        shutil.rmtree(place)
+    assert min(codes[2], codes[3]) > 20
 
 
 def test_no_damage_takes_more_memory_than_a_chunk(sound, tmp_path):

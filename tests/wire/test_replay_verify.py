@@ -295,7 +295,6 @@ def test_damage_is_one_line_with_the_chunk(recorded, tmp_path, capsys):
         (["--verify", "--set", "seed=1"], "leave --set"),
         (["--verify", "--skip-corrupt"], "leave --skip-corrupt out"),
         (["--csv", "x.csv"], "add --set"),
-        (["--json"], "goes with --verify"),
     ],
 )
 def test_options_that_do_not_go_together_are_one_line(recorded, capsys, options, says):

@@ -19,11 +19,14 @@ from fbql_analysis import open_run
 from fbql_analysis.core.packing import FLOAT32, Packing, unpack
 from fbql_behaviors.core.explanation import rules
 from fbql_behaviors.storage import load_tree
+from fbql_fusion.core.parameters import CONTROLLERS
 from hostile_run import BEHAVIOR, HOSTILE, hostile_run
 from launcher.interrupts import NUMBERS
 from launcher.report import main
 from recorded_match import TREES, record_match
 from reporting.contents import UNIT, block_columns
+from reporting.meanings import CONTROLLERS as EXPLAINED
+from reporting.meanings import FEATURES
 from reporting.texts import json_for_html, value_text
 
 LEARNING = {"controller": "fbql_literal", "guided": 1, "tie_rule": "first"}
@@ -145,6 +148,13 @@ def test_leaves_are_told_in_the_words_of_their_tree(learned, page):
     assert open_run(learned).arrays()["leaf_id"][step].tolist() == [
         int(page.column(f"leaf_id.{k}")[step]) for k in range(3)
     ]
+
+
+def test_every_controller_and_every_feature_of_a_shipped_tree_is_explained(page):
+    assert set(CONTROLLERS) == set(EXPLAINED)
+    for words in page.data["trees"]:
+        for name, _, _, meaning in words["features"]:
+            assert meaning == FEATURES[name]
 
 
 def test_commands_are_told_in_words(page):

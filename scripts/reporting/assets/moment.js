@@ -74,6 +74,12 @@ function sensed(behavior, step) {
   return parts.join(", ") || "n/a";
 }
 
+/** What the words of a behavior's rules mean; nothing where its features are not ours. */
+function meaning(behavior, step) {
+  const features = run.trees[place(`tree.${behavior}`, step)]?.features ?? [];
+  return features.filter(([, , , means]) => means).map(([name, , , means]) => `${name.replaceAll("_", " ")}: ${means}.`).join(" ");
+}
+
 /** Why the command is what it is, in words. */
 function why(step) {
   if (!flag("has_decision", step)) return "What was decided here is not in the recording.";
@@ -111,18 +117,19 @@ class Moment {
 
   card(name, k) {
     const drives = element("span", { kind: "drives" });
-    const [rule, observed] = [element("p", { kind: "rule" }), element("p", { kind: "quiet" })];
+    const [rule, observed, means] = [element("p", { kind: "rule" }), element("summary"), element("p")];
+    const sensed = element("details", { kind: "sensed quiet", title: "What these words mean" }, observed, means);
     const [bar, share] = [element("i"), element("span")];
     const [reference, q, leaf] = [element("b"), element("b"), element("b")];
     const whole = element(
       "article", { kind: "behavior" },
       element("h3", {}, element("span", { text: signOf(k), kind: "sign", "aria-hidden": "true" }), element("span", { text: name }), drives),
       element("div", { kind: "meter" }, element("div", { "aria-hidden": "true" }, bar), share),
-      rule, observed,
+      rule, sensed,
       element("div", { kind: "numbers" },
         element("span", { text: "reference " }, reference), element("span", { text: "Q " }, q), element("span", { text: "leaf " }, leaf)),
     );
-    return { whole, drives, rule, observed, bar, share, reference, q, leaf };
+    return { whole, drives, rule, observed, means, bar, share, reference, q, leaf };
   }
 
   /** The colours, which change with the system's scheme. */
@@ -148,6 +155,7 @@ class Moment {
       card.share.textContent = `weight ${number(weight, 4)}`;
       card.rule.textContent = ruleText(k, step) + (flag(`clamped.${k}`, step) ? " (outside of its tree: the nearest leaf)" : "");
       card.observed.textContent = `senses: ${sensed(k, step)}`;
+      card.means.textContent = meaning(k, step) || "What these words mean is not in the recording.";
       const wheels = ["left", "right"].map((side) => number(value(`reference_${side}_rad_s.${k}`, step), 2));
       card.reference.textContent = `${wheels[0]} left, ${wheels[1]} right [rad/s]`;
       card.q.textContent = brief(value(`q.${k}`, step));

@@ -43,6 +43,15 @@ def pose_msg(stamp_ns: int, x_m: float, y_m: float, yaw_rad: float) -> PoseStamp
     return message
 
 
+def pose_msgs(world: World) -> tuple[PoseStamped, PoseStamped, PoseStamped]:
+    """The poses of robot, ball and closest wall point."""
+    return (
+        pose_msg(world.stamp_ns, world.robot_x_m, world.robot_y_m, world.robot_yaw_rad),
+        pose_msg(world.stamp_ns, world.ball_x_m, world.ball_y_m, 0.0),
+        pose_msg(world.stamp_ns, world.wall_x_m, world.wall_y_m, world.wall_yaw_rad),
+    )
+
+
 class Views:
     """Publishes the views of a world state.
 
@@ -78,10 +87,8 @@ class Views:
         if self._show_clock:
             self._clock.publish(Clock(clock=_stamp(world.stamp_ns)))
         if self._show_poses:
-            robot, ball, wall = self._poses
-            robot.publish(pose_msg(world.stamp_ns, world.robot_x_m, world.robot_y_m, world.robot_yaw_rad))
-            ball.publish(pose_msg(world.stamp_ns, world.ball_x_m, world.ball_y_m, 0.0))
-            wall.publish(pose_msg(world.stamp_ns, world.wall_x_m, world.wall_y_m, world.wall_yaw_rad))
+            for publisher, pose in zip(self._poses, pose_msgs(world), strict=True):
+                publisher.publish(pose)
         if self._show_markers:
             self._markers.publish(markers_msg(world))
 
