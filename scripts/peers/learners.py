@@ -14,8 +14,8 @@ from fbql_fusion.core.session import Session
 from fbql_sim.core.world_loop import WorldLoop
 from fbql_sim.gymnasium_env import WheelsEnv
 from launcher.in_process import play
-from studies.paper import TUNING_SEED
 from studies.tree_play import Score
+from studies.tuning import TUNING_SEED
 
 from peers import tabular
 from peers.course import Course

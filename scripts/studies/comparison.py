@@ -89,6 +89,13 @@ def method_row(method: str, by_method: Mapping[str, Runs], controls: Mapping[str
     return finite(row)
 
 
+def filled(rows: Iterable[Row]) -> list[Row]:
+    """The rows with the same columns each: None where a row has none."""
+    kept = list(rows)
+    columns = {name: None for row in kept for name in row}
+    return [{**columns, **row} for row in kept]
+
+
 def finite(row: Row) -> Row:
     """The row with None for what is not a finite number: a table is JSON."""
     return {key: None if isinstance(value, float) and not isfinite(value) else value for key, value in row.items()}

@@ -1,4 +1,4 @@
-"""What fusion that learns is held against: Subsumption, equal weights and the scripted law, on the same episodes."""
+"""What fusion that learns is held against: Subsumption, constant weights and the scripted law, on the same episodes."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_sim.core.world_loop import WorldLoop
 
-from studies.paper import retuned
+from studies.constant_blend import CONSTANT, best_blend, blend_played
 from studies.study import Parameters, Result, Row, Task
 from studies.training import Seeds, frozen, law_played
+from studies.tuning import retuned
 
 LAW, UNIFORM = "scripted law, sees all", "uniform weights"
 PAPER, TUNED, RETUNED = "subsumption, paper", "subsumption, tuned", "subsumption, re-tuned"
-METHODS = (LAW, PAPER, TUNED, RETUNED, UNIFORM)
+METHODS = (LAW, PAPER, TUNED, RETUNED, UNIFORM, CONSTANT)
 
 
 def control_tasks(seeds: Seeds, tree_sets: int, count: int, given: Parameters) -> list[Task]:
-    """A task for each tree set: its Subsumption is tuned once and judged on the episodes of every training."""
+    """A task for each tree set: what is tuned for it is tuned once and judged on the episodes of every training."""
     return [
         Task(f"controls-trees{seeds.tree(k)}", {"part": "controls", "set": k, "seeds": count, **given})
         for k in range(tree_sets)
@@ -29,6 +30,7 @@ def controls_played(seeds: Seeds, parameters: Parameters, behaviors: Sequence[Be
     """Every control of a tree set on the episodes of each of its trainings."""
     tree_set, episodes = parameters["set"], parameters["evaluate"]
     wall_m, approach_rad = retuned(behaviors, loop)
+    weights = best_blend(behaviors, loop)
     controls = {
         PAPER: FusionParameters(controller="subsumption", preset="paper"),
         TUNED: FusionParameters(controller="subsumption", preset="tuned"),
@@ -43,5 +45,7 @@ def controls_played(seeds: Seeds, parameters: Parameters, behaviors: Sequence[Be
         runs.append(seeds.row(LAW, tree_set, seed, law_played(loop, judge, episodes)))
         for method, fusion in controls.items():
             runs.append(seeds.row(method, tree_set, seed, frozen(fusion, behaviors, loop, judge, episodes)))
+        blended = blend_played(weights, behaviors, loop, judge, episodes)
+        runs.append(seeds.row(CONSTANT, tree_set, seed, blended))
     leaves = [behavior.tree.leaf_count for behavior in behaviors]
-    return {"runs": runs, "thresholds": [wall_m, approach_rad], "leaves": leaves}
+    return {"runs": runs, "thresholds": [wall_m, approach_rad], "weights": list(weights), "leaves": leaves}

@@ -32,6 +32,7 @@ BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#888888"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY, BLACK, GREY)
 COLOURS = {
     "fbql": BLUE,
+    "fbql_value": ORANGE,
     "subsumption, paper": VERMILLION,
     "subsumption, re-tuned": GREEN,
     "fbql literal, ties: none": PURPLE,
@@ -175,29 +176,37 @@ def intervals_figure(rows: Sequence[Mapping[str, Any]], name: str, label: str) -
 
 
 def maps_figure(numbers: Mapping[str, Any]) -> Figure:
-    """Which behavior has the largest weight where the robot stands, and how large it is, for some headings."""
-    names, headings = numbers["behaviors"], numbers["headings_rad"]
-    x, y = numbers["x_m"], numbers["y_m"]
-    figure = Figure((9.5, 3.4), layout="constrained")
-    axes = figure.subplots(1, len(headings), sharey=True)
+    """Which behavior has the largest weight where the robot stands, and how large it is, for some headings; of each learner."""
+    figure = Figure((9.5, 0.8 + 2.6 * len(numbers)), layout="constrained")
+    columns = len(next(iter(numbers.values()))["headings_rad"])
+    axes = figure.subplots(len(numbers), columns, sharex=True, sharey=True, squeeze=False)
+    names: list[str] = []
+    for row, (learner, found) in zip(axes, numbers.items(), strict=True):
+        names = found["behaviors"]
+        _maps(row, found)
+        row[0].set_ylabel(f"{learner}\nrobot y [m]")
+    for axis in axes[-1]:
+        axis.set_xlabel("robot x [m]")
+    handles = [Patch(color=colour, label=name.replace("_", " ")) for name, colour in zip(names, SERIES, strict=False)]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(names), frameon=False)
+    return figure
+
+
+def _maps(axes: Sequence[Axes], found: Mapping[str, Any]) -> None:
+    x, y = found["x_m"], found["y_m"]
     half = (x[1] - x[0]) / 2
-    for axis, heading, weights in zip(axes, headings, np.array(numbers["weights"]) / 100.0, strict=True):
+    for axis, heading, weights in zip(axes, found["headings_rad"], np.array(found["weights"]) / 100.0, strict=True):
         axis.imshow(
             _blended(weights), origin="lower", extent=(x[0] - half, x[-1] + half, y[0] - half, y[-1] + half),
             interpolation="nearest",
         )  # fmt: skip
-        axis.plot(*numbers["ball_m"], "o", color="white", mec=BLACK, ms=6)
+        axis.plot(*found["ball_m"], "o", color="white", mec=BLACK, ms=6)
         length = 0.16
         axis.annotate(
             "", (-0.9 + length * cos(heading), length * sin(heading)), (-0.9, 0.0),
             arrowprops={"arrowstyle": "->", "color": BLACK},
         )  # fmt: skip
         axis.set_title(f"robot heads {degrees(heading):.0f} deg", fontsize=9)
-        axis.set_xlabel("robot x [m]")
-    axes[0].set_ylabel("robot y [m]")
-    handles = [Patch(color=colour, label=name.replace("_", " ")) for name, colour in zip(names, SERIES, strict=False)]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(names), frameon=False)
-    return figure
 
 
 def _blended(weights: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -35,14 +35,26 @@ def ladder_tables(data: Data) -> dict[str, str]:
     return {
         "frozen play": _methods(rows, controls),
         "tree sets": markdown(
-            ["trees", "leaves", "thresholds", "re-tuned", "fbql", "ratio", "worst run", "success rate", "own goals"],
+            [
+                "learner",
+                "trees",
+                "leaves",
+                "thresholds",
+                "re-tuned",
+                "learned",
+                "ratio",
+                "worst run",
+                "success rate",
+                "own goals",
+            ],
             [
                 [
+                    row["learner"],
                     str(row["trees"]),
                     row["leaves"],
                     f"{row['wall_m']:g} m, {row['approach_rad']:g} rad",
                     number(row["retuned_cost"], ".0f"),
-                    number(row["fbql_cost"], ".0f"),
+                    number(row["learner_cost"], ".0f"),
                     number(row["ratio"], ".2f"),
                     number(row["worst_run"], ".2f"),
                     number(row["success_rate"], ".3f"),
@@ -150,6 +162,7 @@ def _rungs(rows: Sequence[Row]) -> str:
 def _sizes(rows: Sequence[Row]) -> str:
     body = [
         [
+            row["learner"],
             str(row["trainings"]),
             f"{row['features']:.0f}",
             _bytes(row["bytes"]),
@@ -159,7 +172,9 @@ def _sizes(rows: Sequence[Row]) -> str:
         ]
         for row in rows
     ]
-    return markdown(["trainings", "features", "policy", "joint states met", "steps of a training", "seconds"], body)
+    return markdown(
+        ["learner", "trainings", "features", "policy", "joint states met", "steps of a training", "seconds"], body
+    )
 
 
 def _bytes(count: float) -> str:

@@ -1,6 +1,6 @@
 """The ladder: FBQL trained on fresh tree sets, then played frozen against its controls on the same unseen episodes.
 
-A task is the training of one tree set and seed, or the controls of one tree set. Training, tuning and judging have run
+A task is the training of one learner, tree set and seed, or the controls of one tree set. Training, tuning and judging have run
 seeds of their own.
 """
 
@@ -17,24 +17,40 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
 from studies import fusion_controls
-from studies.comparison import Runs, method_row, runs_by_method
+from studies.comparison import Runs, filled, method_row, runs_by_method
 from studies.fusion_controls import LAW, PAPER, RETUNED, TUNED, control_tasks, controls_played
 from studies.ladder_rungs import rung_rows, tree_rows
-from studies.learning_curves import growth, learning
-from studies.paper import FIRST_RUN_SEED, FIRST_TREE_SEED, after_guidance
+from studies.learning_curves import Trainings, growth, learning
+from studies.paper import FIRST_RUN_SEED, FIRST_TREE_SEED, LEARNERS, after_guidance, guided, untrained
 from studies.study import MEASURED, Parameters, Result, Row, Task
 from studies.training import Seeds, check_options, frozen, train, training_of
 from studies.training import add_options as add_training_options
 from studies.weight_maps import weight_maps
 
 DESCRIPTION = (
-    "fbql trained on fresh trees, then frozen against Subsumption, equal weights, its twins and the scripted law"
+    "both learners trained on fresh trees, then frozen against Subsumption, constant weights, their twins and the law"
 )
 SEEDS = Seeds(FIRST_TREE_SEED, FIRST_RUN_SEED)
-FBQL = "fbql"
-UNTRAINED, DRAWN, GUIDED = "fbql, never learned", "fbql, never learned, drawn", "fbql, only guided"
-METHODS = (*fusion_controls.METHODS, UNTRAINED, DRAWN, GUIDED, FBQL)
-CONTROLS = {"retuned": RETUNED, "tuned": TUNED, "paper": PAPER, "untrained": UNTRAINED, "guided": GUIDED}
+
+
+def _drawn(learner: str) -> str:
+    """The method that never learned, drawn as a learner plays while it learns."""
+    return f"{untrained(learner)}, drawn"
+
+
+def _methods_of(learner: str) -> tuple[str, ...]:
+    """A learner's frozen twins and what it learned."""
+    return untrained(learner), _drawn(learner), guided(learner), learner
+
+
+METHODS = (*fusion_controls.METHODS, *(method for learner in LEARNERS for method in _methods_of(learner)))
+CONTROLS = {"retuned": RETUNED, "tuned": TUNED, "paper": PAPER}
+TWINS = {
+    method: {"untrained": untrained(learner), "guided": guided(learner)}
+    for learner in LEARNERS
+    for method in _methods_of(learner)
+}
+"""Method -> the twins of its learner, which it is compared with beside CONTROLS."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -43,40 +59,42 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def tasks(options: argparse.Namespace) -> list[Task]:
-    """A training for each tree set and seed, seed by seed, so that every tree set has one early; then the controls."""
+    """A training for each learner, tree set and seed, seed by seed, so that every tree set has one early; then the controls."""
     check_options(options)
     given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
     found = [
         Task(
-            f"fbql-trees{SEEDS.tree(k)}-seed{seed}",
-            {"part": FBQL, "set": k, "seed": seed, "episodes": options.episodes, **given},
+            f"{learner}-trees{SEEDS.tree(k)}-seed{seed}",
+            {"part": learner, "set": k, "seed": seed, "episodes": options.episodes, **given},
         )
         for seed in range(options.seeds)
         for k in range(options.trees)
+        for learner in LEARNERS
     ]
     return found + control_tasks(SEEDS, options.trees, options.seeds, given)
 
 
 def run(parameters: Parameters) -> Result:
-    """Trains once and plays what was learned and its twins, or plays the controls of a tree set."""
+    """Trains a learner once and plays what was learned and its twins, or plays the controls of a tree set."""
     behaviors = SEEDS.behaviors(parameters["set"])
     loop = WorldLoop(SimulationParameters(max_steps=parameters["max_steps"]))
-    if parameters["part"] != FBQL:
+    if parameters["part"] not in LEARNERS:
         return controls_played(SEEDS, parameters, behaviors, loop)
     return _trained(parameters, behaviors, loop)
 
 
 def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
-    tree_set, seed = parameters["set"], parameters["seed"]
-    fusion = training_of(SEEDS.training(seed), parameters["episodes"])
+    learner, tree_set, seed = parameters["part"], parameters["set"], parameters["seed"]
+    fusion = training_of(SEEDS.training(seed), parameters["episodes"], learner)
     begun_s = perf_counter()
     trained = train(fusion, behaviors, loop)
     training_s = perf_counter() - begun_s
+    drawn = training_of(fusion.seed, fusion.episodes, learner, **{f"{learner}_play": "drawn"})
     twins = {
-        UNTRAINED: (fusion, None),
-        DRAWN: (training_of(fusion.seed, fusion.episodes, fbql_play="drawn"), None),
-        GUIDED: (fusion, after_guidance(fusion, behaviors, loop)),
-        FBQL: (fusion, trained.policy),
+        untrained(learner): (fusion, None),
+        _drawn(learner): (drawn, None),
+        guided(learner): (fusion, after_guidance(fusion, behaviors, loop)),
+        learner: (fusion, trained.policy),
     }
     judge, episodes = SEEDS.judging(tree_set, seed), parameters["evaluate"]
     begun_s = perf_counter()
@@ -85,19 +103,23 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
         for method, (each, policy) in twins.items()
     ]
     seconds = {"training_s": training_s, "evaluation_s": perf_counter() - begun_s}
-    result: Result = {"runs": runs, "curve": trained.curve, "size": trained.size, MEASURED: seconds}
+    result: Result = {
+        "learner": learner, "runs": runs, "curve": trained.curve, "size": trained.size, MEASURED: seconds
+    }  # fmt: skip
     if tree_set == seed == 0:
         result["maps"] = weight_maps(fusion, trained.policy, behaviors)
     return result
 
 
 def table(results: Mapping[str, Result]) -> list[Row]:
-    """Methods; then tree sets; then the rungs that this study can tell of; then what was visited."""
+    """Methods; then of each learner the tree sets and the rungs that this study can tell of; then what was visited."""
     by_method = _runs(results)
-    rows = [method_row(method, by_method, CONTROLS) for method in by_method]
-    if FBQL in by_method and RETUNED in by_method:
-        rows += tree_rows(by_method[FBQL], by_method[RETUNED], results)
-        rows += rung_rows(by_method[FBQL], by_method[RETUNED], by_method[LAW])
+    rows = filled(method_row(method, by_method, CONTROLS | TWINS.get(method, {})) for method in by_method)
+    learners = [learner for learner in LEARNERS if learner in by_method and RETUNED in by_method]
+    for learner in learners:
+        rows += tree_rows(learner, by_method[learner], by_method[RETUNED], results)
+    for learner in learners:
+        rows += rung_rows(learner, by_method[learner], by_method[RETUNED], by_method[LAW])
     return rows + _sizes(results)
 
 
@@ -105,34 +127,44 @@ def _runs(results: Mapping[str, Result]) -> dict[str, Runs]:
     return runs_by_method((run for result in results.values() for run in result["runs"]), METHODS)
 
 
+def _trainings(results: Mapping[str, Result]) -> dict[str, Trainings]:
+    """Learner -> its trainings; a learner without one is left out."""
+    found = {
+        learner: {
+            (result["runs"][0]["tree_seed"], result["runs"][0]["seed"]): result
+            for result in results.values()
+            if result.get("learner") == learner
+        }
+        for learner in LEARNERS
+    }
+    return {learner: dict(sorted(trained.items())) for learner, trained in found.items() if trained}
+
+
 def _sizes(results: Mapping[str, Result]) -> list[Row]:
-    """Means over the trainings."""
-    trained = [result for result in results.values() if "size" in result]
-    if not trained:
-        return []
-    names = ("features", "bytes", "joint_states", "leaf_product")
-    row: Row = {"trainings": len(trained)}
-    row |= {name: sum(each["size"][name] for each in trained) / len(trained) for name in names}
-    row["training_steps"] = sum(part["steps"] for each in trained for part in each["curve"]) / len(trained)
-    row["training_s"] = sum(each[MEASURED]["training_s"] for each in trained) / len(trained)
-    return [row]
+    """Means over the trainings of each learner."""
+    rows: list[Row] = []
+    for learner, by_run in _trainings(results).items():
+        trained = list(by_run.values())
+        row: Row = {"learner": learner, "trainings": len(trained)}
+        for name in ("features", "bytes", "joint_states", "leaf_product"):
+            row[name] = sum(each["size"][name] for each in trained) / len(trained)
+        row["training_steps"] = sum(part["steps"] for each in trained for part in each["curve"]) / len(trained)
+        row["training_s"] = sum(each[MEASURED]["training_s"] for each in trained) / len(trained)
+        rows.append(row)
+    return rows
 
 
 def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
     """Learning curves, the methods, coverage and weight maps, and the numbers they are drawn from (curves.json)."""
-    trained = {
-        (result["runs"][0]["tree_seed"], result["runs"][0]["seed"]): result
-        for result in results.values()
-        if "curve" in result
-    }
+    trained = _trainings(results)
     if not trained:
         return []
     from studies.fusion_figures import draw, write_curves
 
     by_method = _runs(results)
     curves: dict[str, Any] = {
-        "learning": learning({FBQL: trained}, {name: by_method[name] for name in (RETUNED, LAW) if name in by_method}),
-        "coverage": growth({FBQL: trained}),
+        "learning": learning(trained, {name: by_method[name] for name in (RETUNED, LAW) if name in by_method}),
+        "coverage": growth(trained),
     }
     if RETUNED in by_method:
         curves["ladder"] = [
@@ -140,7 +172,9 @@ def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
             for row in table(results)
             if "method" in row
         ]
-    maps = [result["maps"] for result in trained.values() if "maps" in result]
+    maps = {
+        learner: result["maps"] for learner, found in trained.items() for result in found.values() if "maps" in result
+    }
     if maps:
-        curves["maps"] = maps[0]
+        curves["maps"] = maps
     return [write_curves(curves, directory), *draw(curves, directory)]

@@ -20,8 +20,8 @@ EARLY_P = 0.01
 TWIN_COST = 1.0
 
 
-def tree_rows(ours: Runs, retuned: Runs, results: Mapping[str, Mapping[str, Any]]) -> list[Row]:
-    """A row for each tree set: what FBQL and the re-tuned Subsumption cost on it."""
+def tree_rows(method: str, ours: Runs, retuned: Runs, results: Mapping[str, Mapping[str, Any]]) -> list[Row]:
+    """A row for each tree set: what a method and the re-tuned Subsumption cost on it."""
     sets = {result["runs"][0]["tree_seed"]: result for result in results.values() if "thresholds" in result}
     rows: list[Row] = []
     for tree_seed, found in cost_ratios_by_trees(ours, retuned).items():
@@ -33,12 +33,13 @@ def tree_rows(ours: Runs, retuned: Runs, results: Mapping[str, Mapping[str, Any]
         rows.append(
             finite(
                 {
+                    "learner": method,
                     "trees": tree_seed,
                     "leaves": " x ".join(map(str, sets[tree_seed]["leaves"])),
                     "wall_m": wall_m,
                     "approach_rad": approach_rad,
                     "retuned_cost": ratio(theirs, "steps", "goals").estimate,
-                    "fbql_cost": ratio(own, "steps", "goals").estimate,
+                    "learner_cost": ratio(own, "steps", "goals").estimate,
                     "ratio": found,
                     "worst_run": worst,
                     "success_rate": ratio(own, "goals", "episodes").estimate,
@@ -49,8 +50,8 @@ def tree_rows(ours: Runs, retuned: Runs, results: Mapping[str, Mapping[str, Any]
     return rows
 
 
-def rung_rows(ours: Runs, retuned: Runs, law: Runs) -> list[Row]:
-    """Rungs b and c: frozen, after the training."""
+def rung_rows(method: str, ours: Runs, retuned: Runs, law: Runs) -> list[Row]:
+    """Rungs b and c of a method: frozen, after the training."""
     steps, floor = (ratio(runs, "steps_to_goals", "goals").estimate for runs in (ours, law))
     rows = [
         _rung("b", "cost/goal to re-tuned", cost_ratio(ours, retuned).estimate, COST_TO_RETUNED),
@@ -67,7 +68,7 @@ def rung_rows(ours: Runs, retuned: Runs, law: Runs) -> list[Row]:
         found, most = (ratio(runs, name, "goals").estimate for runs in (ours, retuned))
         rows.append(_rung("b", f"{name.replace('_', ' ')} / goals, at most re-tuned's", found, most))
     rows.append(_rung("c", "steps of a success to the scripted law's", steps / floor, STEPS_TO_LAW))
-    return [finite(row) for row in rows]
+    return [finite({**row, "rung": f"{row['rung']}, {method}"}) for row in rows]
 
 
 def early_rung_rows(method: str, by_method: Mapping[str, Runs], paper: str, *twins: str) -> list[Row]:

@@ -1,6 +1,7 @@
 """The paper's protocol: 20 guided episodes, then until 50 goals, for every method on the same trees and the same starts.
 
-A task is a tree set and some run seeds. Every method meets the same episodes: guided ones are played by all, also by those
+A task is a tree set and some run seeds; the Subsumption that is tuned for a tree set has one of its own, so that it is tuned
+once. Every method meets the same episodes: guided ones are played by all, also by those
 that learn nothing, so that episode k of a run has the same start for each.
 """
 
@@ -25,47 +26,73 @@ from fbql_sim.core.world_loop import WorldLoop
 from launcher.in_process import play
 from launcher.make_trees import make_tree
 
-from studies.comparison import Runs, method_row, runs_by_method
+from studies.comparison import Runs, filled, method_row, runs_by_method
 from studies.courses import courses
 from studies.ladder_rungs import early_rung_rows
 from studies.study import Parameters, Result, Row, Task
+from studies.tuning import retuned
 
 DESCRIPTION = "the paper's protocol: 20 guided episodes, then until 50 goals, all methods on the same starts"
 FIRST_TREE_SEED = 1001
 """Demonstration seed of the first tree set: no tuning saw it or those after it."""
 FIRST_RUN_SEED = 1000
 """Run seeds below it are for tuning."""
-TUNING_SEED = 11
-TUNING_ROUNDS = ((30, 12), (150, 4), (500, 1))
-"""Training episodes that each pair of thresholds plays, and how many pairs are left after it."""
-WALL_M = (0.0, 0.06, 0.07, 0.08, 0.10, 0.12)
-APPROACH_RAD = (0.0, 0.05, 0.1, 0.15, 0.3, 1.0)
 RUNS_PER_TASK = 4
 MOST_EPISODES = 400
 """A method that does not score 50 goals in so many episodes ends there."""
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
-_DRAWN = {"controller": "fbql", "fbql_play": "drawn"}
-"""As fbql plays while it learns."""
+LEARNERS = ("fbql", "fbql_value")
+"""The two that learn otherwise than printed, by the names of their controllers; each stands in every table."""
+PAPER, RETUNED = "subsumption, paper", "subsumption, re-tuned"
+LITERAL_TWIN = "fbql literal, frozen twin"
+
+
+def untrained(learner: str) -> str:
+    """The method that plays like the learner and never learns."""
+    return f"{learner}, never learned"
+
+
+def papers_guide(learner: str) -> str:
+    """The method that is the same with the paper-like Subsumption as its guide."""
+    return f"{learner}, paper's guide"
+
+
+def guided(method: str) -> str:
+    """The method that is the same, frozen when the guided episodes were over."""
+    return f"{method}, only guided"
+
+
+def _methods_of(learner: str) -> dict[str, FusionParameters]:
+    """A learner and its frozen twins, with each guide. All are drawn, as a learner plays while it learns."""
+    drawn = {"controller": learner, f"{learner}_play": "drawn"}
+    papers = papers_guide(learner)
+    return {
+        learner: FusionParameters(**drawn),
+        guided(learner): FusionParameters(**drawn, learn=False),
+        papers: FusionParameters(**drawn, preset="paper"),
+        guided(papers): FusionParameters(**drawn, preset="paper", learn=False),
+        untrained(learner): FusionParameters(**drawn, learn=False),
+    }
+
+
 METHODS: dict[str, FusionParameters] = {
-    "subsumption, paper": FusionParameters(controller="subsumption", preset="paper"),
+    PAPER: FusionParameters(controller="subsumption", preset="paper"),
     "subsumption, tuned": FusionParameters(controller="subsumption", preset="tuned"),
-    "subsumption, re-tuned": FusionParameters(controller="subsumption"),
+    RETUNED: FusionParameters(controller="subsumption"),
     "uniform weights": FusionParameters(controller="uniform"),
     "fbql literal, ties: none": FusionParameters(controller="fbql_literal", tie_rule="none"),
     "fbql literal, ties: first": FusionParameters(controller="fbql_literal", tie_rule="first"),
-    "fbql literal, frozen twin": FusionParameters(controller="fbql_literal", learn=False),
-    "fbql": FusionParameters(**_DRAWN),
-    "fbql, only guided": FusionParameters(**_DRAWN, learn=False),
-    "fbql, paper's guide": FusionParameters(**_DRAWN, preset="paper"),
-    "fbql, paper's guide, only guided": FusionParameters(**_DRAWN, preset="paper", learn=False),
-    "fbql, never learned": FusionParameters(**_DRAWN, learn=False),
+    LITERAL_TWIN: FusionParameters(controller="fbql_literal", learn=False),
+    **{method: fusion for learner in LEARNERS for method, fusion in _methods_of(learner).items()},
 }
 """The guide of a learner is Subsumption with the tuned preset, but where the method says otherwise."""
-PAPER, RETUNED = "subsumption, paper", "subsumption, re-tuned"
-LITERAL_TWIN, UNTRAINED = "fbql literal, frozen twin", "fbql, never learned"
-TWINS = {"fbql": "fbql, only guided", "fbql, paper's guide": "fbql, paper's guide, only guided"}
-"""Learner -> the same, frozen when the guided episodes were over."""
-CONTROLS = {"paper": PAPER, "retuned": RETUNED, "frozen": LITERAL_TWIN, "untrained": UNTRAINED}
+TWINS: dict[str, dict[str, str]] = {
+    method: {"untrained": untrained(learner), "guided": guided(method)}
+    for learner in LEARNERS
+    for method in (learner, papers_guide(learner))
+}
+"""Method that learns -> its twins: the same execution, which never learned or stopped to when the guided episodes were over."""
+CONTROLS = {"paper": PAPER, "retuned": RETUNED, "frozen": LITERAL_TWIN}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -84,40 +111,51 @@ def add_max_steps(parser: argparse.ArgumentParser) -> None:
     )
 
 
-DRAWN = (PAPER, RETUNED, "fbql literal, ties: none", "fbql")
+DRAWN = (PAPER, RETUNED, "fbql literal, ties: none", *LEARNERS)
 """The methods of the figures."""
 
 
 def tasks(options: argparse.Namespace) -> list[Task]:
-    """A task for each tree set and every RUNS_PER_TASK run seeds."""
-    return [
+    """For each tree set one of the Subsumption that is tuned for it, and one of all others for every RUNS_PER_TASK seeds."""
+    given = {"goals": options.goals, "max_steps": options.max_steps}
+    seeds = range(FIRST_RUN_SEED, FIRST_RUN_SEED + options.seeds)
+    trees = range(FIRST_TREE_SEED, FIRST_TREE_SEED + options.trees)
+    found = [
+        Task(f"retuned-trees{tree}", {"part": RETUNED, "tree_seed": tree, "run_seeds": list(seeds), **given})
+        for tree in trees
+    ]
+    return found + [
         Task(
             f"trees{tree}-seeds{block[0]}",
-            {"tree_seed": tree, "run_seeds": list(block), "goals": options.goals, "max_steps": options.max_steps},
+            {"part": "others", "tree_seed": tree, "run_seeds": list(block), **given},
         )
-        for tree in range(FIRST_TREE_SEED, FIRST_TREE_SEED + options.trees)
-        for block in batched(range(FIRST_RUN_SEED, FIRST_RUN_SEED + options.seeds), RUNS_PER_TASK)
+        for block in batched(seeds, RUNS_PER_TASK)
+        for tree in trees
     ]
 
 
 def run(parameters: Parameters) -> Result:
-    """Plays every method for every run seed; gives its figures and its episodes."""
+    """Plays the methods of a task for each of its run seeds; gives their figures and episodes."""
     behaviors = [Behavior(name, make_tree(name, parameters["tree_seed"]).tree) for name in BEHAVIORS]
     loop = WorldLoop(SimulationParameters(max_steps=parameters["max_steps"]))
-    thresholds = retuned(behaviors, loop)
+    result: Result = {"tree_seed": parameters["tree_seed"]}
+    methods = {method: fusion for method, fusion in METHODS.items() if method != RETUNED}
+    if parameters["part"] == RETUNED:
+        wall_m, approach_rad = retuned(behaviors, loop)
+        result["retuned"] = [wall_m, approach_rad]
+        methods = {
+            RETUNED: replace(METHODS[RETUNED], wall_threshold_m=wall_m, approach_threshold_rad=approach_rad),
+        }
+    stopped = {twins["guided"] for twins in TWINS.values()}
     runs: list[dict[str, object]] = []
     for seed in parameters["run_seeds"]:
-        for method, fusion in METHODS.items():
+        for method, fusion in methods.items():
             fusion = replace(
                 fusion, seed=seed, guided=GUIDED_EPISODES, goals=parameters["goals"], episodes=MOST_EPISODES
             )
-            if method == RETUNED:
-                fusion = replace(fusion, wall_threshold_m=thresholds[0], approach_threshold_rad=thresholds[1])
-            policy = None
-            if method in TWINS.values():
-                policy = after_guidance(replace(fusion, learn=True), behaviors, loop)
+            policy = after_guidance(replace(fusion, learn=True), behaviors, loop) if method in stopped else None
             runs.append({"method": method, "seed": seed, **play_run(fusion, behaviors, loop, policy)})
-    return {"tree_seed": parameters["tree_seed"], "retuned": list(thresholds), "runs": runs}
+    return {**result, "runs": runs}
 
 
 def play_run(
@@ -167,52 +205,17 @@ def figures_of(records: Sequence[EpisodeRecord]) -> dict[str, int]:
     }
 
 
-def retuned(behaviors: Sequence[Behavior], loop: WorldLoop) -> tuple[float, float]:
-    """Subsumption's thresholds (wall [m], psi [rad]) with the least cost/goal for a tree set, on training episodes.
-
-    All pairs play a few episodes, the best of them many: a deadlock that comes once in fifty episodes decides what a pair
-    is worth, and few episodes don't show it: chosen on 30 alone, a pair had 6 timeouts in 100 fresh episodes.
-    """
-    pairs = [(wall_m, approach_rad) for wall_m in WALL_M for approach_rad in APPROACH_RAD]
-    for episodes, left in TUNING_ROUNDS:
-        if len(pairs) > left:
-            costs = {pair: _cost_with(pair, behaviors, loop, episodes) for pair in pairs}
-            pairs = sorted(pairs, key=lambda pair: costs[pair])[:left]
-    return pairs[0]
-
-
-def _cost_with(thresholds: tuple[float, float], behaviors: Sequence[Behavior], loop: WorldLoop, episodes: int) -> float:
-    """cost/goal on so many training episodes; infinite without a goal."""
-    wall_m, approach_rad = thresholds
-    fusion = FusionParameters(
-        controller="subsumption",
-        seed=TUNING_SEED,
-        episodes=episodes,
-        wall_threshold_m=wall_m,
-        approach_threshold_rad=approach_rad,
-    )
-    session = Session(fusion)
-    play(session, loop, behaviors, lambda: True)
-    cost = session.summary().cost_per_goal
-    return float("inf") if cost is None else cost
-
-
 def table(results: Mapping[str, Result]) -> list[Row]:
     """Methods, with intervals over tree sets and runs and paired with the controls; then the rungs of 50 goals."""
     by_method = runs_of(results)
-    rows = [
-        {
-            **method_row(method, by_method, CONTROLS | ({"guided": TWINS[method]} if method in TWINS else {})),
-            **_tied(runs),
-        }
+    rows = filled(
+        {**method_row(method, by_method, CONTROLS | TWINS.get(method, {})), **_tied(runs)}
         for method, runs in by_method.items()
-    ]
-    columns = {name: None for row in rows for name in row}
-    rows = [{**columns, **row} for row in rows]
+    )
     if PAPER in by_method:
-        for method in TWINS:
+        for method, twins in TWINS.items():
             if method in by_method:
-                rows += early_rung_rows(method, by_method, PAPER, UNTRAINED, TWINS[method])
+                rows += early_rung_rows(method, by_method, PAPER, *twins.values())
     return rows
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -19,14 +19,14 @@ from fbql_sim.core.world_loop import WorldLoop
 from launcher.in_process import play
 from launcher.make_trees import make_tree
 
-from studies.paper import BEHAVIORS, add_max_steps, figures_of
+from studies.paper import BEHAVIORS, LEARNERS, add_max_steps, figures_of
 from studies.study import Result, Row
 
 MOST_TREE_SETS = 9
 SEEDS_OF_A_TREE_SET = 100
 CURVE_EPISODES = 100
 """Training episodes of a point of the learning curve."""
-LEARNED = ("keys", "theta", "mean", "value")
+LEARNED = ("keys", "theta", "mean", "value", "values")
 """What of a policy grows with what was visited."""
 
 
@@ -97,9 +97,9 @@ class Trained(NamedTuple):
     """Features and bytes of the policy, joint states visited, and how many the trees' leaves could make."""
 
 
-def training_of(seed: int, episodes: int, **changes: Any) -> FusionParameters:
-    """The parameters of a training over so many episodes after the guided ones."""
-    given = {"controller": "fbql", "guided": GUIDED_EPISODES, "fbql_horizon": episodes, **changes}
+def training_of(seed: int, episodes: int, learner: str = LEARNERS[0], **changes: Any) -> FusionParameters:
+    """The parameters of a learner's training over so many episodes after the guided ones."""
+    given = {"controller": learner, "guided": GUIDED_EPISODES, f"{learner}_horizon": episodes, **changes}
     return FusionParameters(seed=seed, episodes=episodes, **given)
 
 
@@ -150,12 +150,17 @@ def frozen(
 
 def law_played(loop: WorldLoop, seed: int, episodes: int) -> Result:
     """The figures of the scripted law, which sees everything and has no trees, on the same episodes."""
+    return driven(law, loop, seed, episodes)
+
+
+def driven(drive: Callable[[World], tuple[float, float]], loop: WorldLoop, seed: int, episodes: int) -> Result:
+    """The figures of what drives the wheels (left, right [rad/s]) by the world state alone, on the same episodes."""
     records: list[EpisodeRecord] = []
     for index in range(episodes):
         world = loop.reset(index, episode_seed(seed, index))
         begun = contact = 0
         while not world.ended:
-            world = loop.step(*law(world))
+            world = loop.step(*drive(world))
             begun += world.collision_begun
             contact += world.collision
         outcome = "goal" if world.goal else "own_goal" if world.own_goal else "timeout"

@@ -9,11 +9,12 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
 
-from peers.controls import Controls, grid
+from peers.controls import Controls
 from peers.course import SLICES, Course
 from peers.learners import FBQL, FBQL_LITERAL, PPO_BLEND, TABULAR, Lesson, learn
 from peers.tabular import TabularParameters, TabularQ, train
 from peers.team_env import SelectionEnv, shipped_behaviors
+from studies.constant_blend import grid
 
 HERE, THERE = np.array([1, 2, 3]), np.array([1, 2, 4])
 
@@ -75,9 +76,9 @@ def test_constant_weights_are_tried_on_a_whole_grid_of_the_simplex() -> None:
 
 
 def test_constant_weights_are_the_best_of_the_training_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("studies.paper.WALL_M", (0.07,))
-    monkeypatch.setattr("studies.paper.APPROACH_RAD", (0.15,))
-    monkeypatch.setattr("peers.controls.GRID", 1)
+    monkeypatch.setattr("studies.tuning.WALL_M", (0.07,))
+    monkeypatch.setattr("studies.tuning.APPROACH_RAD", (0.15,))
+    monkeypatch.setattr("studies.constant_blend.GRID", 1)
     controls = Controls(shipped_behaviors(), budget=1)
     assert controls.thresholds == (0.07, 0.15)
     assert controls.weights in grid(3)

@@ -23,10 +23,11 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from launcher.experiment import main
 from launcher.make_trees import SHIPPED
-from studies import ablation, fusion_controls, ladder, paper, scaling
+from studies import ablation, fusion_controls, ladder, paper, scaling, tuning
 from studies.comparison import cost_ratio, method_row, runs_by_method
+from studies.constant_blend import best_blend, blend_played
 from studies.learning_curves import growth, learning
-from studies.paper import after_guidance
+from studies.paper import LEARNERS, RETUNED, after_guidance
 from studies.peers import evaluation_seed_of
 from studies.study import MEASURED, Result, Task
 from studies.training import MOST_TREE_SETS, SEEDS_OF_A_TREE_SET, Seeds, frozen, law_played, size_of, train, training_of
@@ -53,14 +54,21 @@ def shipped() -> list[Behavior]:
 def short(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The trees that ship, and the shortest tuning there is."""
     monkeypatch.setattr(Seeds, "behaviors", lambda _seeds, _set: shipped())
-    monkeypatch.setattr(paper, "WALL_M", (0.07,))
-    monkeypatch.setattr(paper, "APPROACH_RAD", (0.15,))
+    monkeypatch.setattr(tuning, "WALL_M", (0.07,))
+    monkeypatch.setattr(tuning, "APPROACH_RAD", (0.15,))
+    monkeypatch.setattr(tuning, "TUNING_ROUNDS", ((2, 1),))
     yield
 
 
 @pytest.fixture(scope="module")
 def loop() -> WorldLoop:
     return WorldLoop(SimulationParameters(max_steps=MAX_STEPS))
+
+
+@pytest.fixture(scope="module")
+def long_loop() -> WorldLoop:
+    """Episodes in which a guide scores: a learner by values learns of nothing else."""
+    return WorldLoop(SimulationParameters(max_steps=1000))
 
 
 @pytest.mark.parametrize("study", STUDIES)
@@ -90,34 +98,42 @@ def test_no_study_shares_a_seed_or_a_tree_with_another_and_none_judges_what_it_t
             seeds |= used
         assert not sets & trees
         trees |= sets
-    assert paper.TUNING_SEED < paper.FIRST_RUN_SEED
+    assert tuning.TUNING_SEED < paper.FIRST_RUN_SEED
 
 
 def test_the_ladder_judges_on_the_episodes_of_the_peers() -> None:
     assert ladder.SEEDS.judging(2, 3) == evaluation_seed_of(2, 3)
 
 
-def test_a_training_is_counted_whole_and_its_course_in_pieces(loop: WorldLoop, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("learner", "floats"), [("fbql", 3 + 3 + 1), ("fbql_value", 4 + 4)])
+def test_a_training_is_counted_whole_and_its_course_in_pieces(
+    learner: str, floats: int, loop: WorldLoop, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("studies.training.CURVE_EPISODES", 4)
-    trained = train(training_of(5, 10), shipped(), loop)
+    trained = train(training_of(5, 10, learner), shipped(), loop)
     assert [part["episodes"] for part in trained.curve] == [4, 4, 2]
     assert all(part["goals"] + part["own_goals"] + part["timeouts"] == part["episodes"] for part in trained.curve)
     met = [part["joint_states"] for part in trained.curve]
     assert met == sorted(met)
     assert 0 < met[0] < met[-1] == trained.size["joint_states"] < trained.size["leaf_product"]
-    assert trained.size["features"] == len(trained.policy.arrays["theta"])
-    assert trained.size["bytes"] > 8 * trained.size["features"] * 3
+    assert trained.size["features"] == len(trained.policy.arrays["mean"])
+    keys = trained.policy.arrays["keys"].nbytes
+    assert trained.size["bytes"] == 8 * trained.size["features"] * floats + keys
 
 
-def test_what_was_only_guided_followed_the_guide_and_learned_nothing_more(loop: WorldLoop) -> None:
-    policy = after_guidance(training_of(5, 10), shipped(), loop)
-    assert np.abs(policy.arrays["theta"]).max() > 0.0
-    assert policy.arrays["counts"].tolist() == [0, 0, 0]
+@pytest.mark.parametrize(("learner", "table", "updates"), [("fbql", "theta", 0), ("fbql_value", "values", 1)])
+def test_what_was_only_guided_learned_from_the_guide_and_nothing_more(
+    learner: str, table: str, updates: int, long_loop: WorldLoop
+) -> None:
+    policy = after_guidance(training_of(5, 10, learner), shipped(), long_loop)
+    assert np.abs(policy.arrays[table]).max() > 0.0
+    assert policy.arrays["counts"].tolist() == [0, updates, 0]
     assert size_of(policy)["features"] > 100
 
 
-def test_frozen_play_meets_the_same_episodes_whatever_plays_and_repeats(loop: WorldLoop) -> None:
-    fusion = training_of(5, 10)
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_frozen_play_meets_the_same_episodes_whatever_plays_and_repeats(learner: str, loop: WorldLoop) -> None:
+    fusion = training_of(5, 10, learner)
     trained = train(fusion, shipped(), loop)
     once = frozen(fusion, shipped(), loop, 77, 5, trained.policy)
     assert frozen(fusion, shipped(), loop, 77, 5, trained.policy) == once
@@ -138,7 +154,7 @@ def test_the_law_plays_the_episodes_of_the_run_seed() -> None:
 @pytest.mark.usefixtures("short")
 @pytest.mark.parametrize("study", [ladder, ablation])
 def test_a_task_gives_the_same_result_again_and_the_table_has_every_method(study: ModuleType, tmp_path: Path) -> None:
-    found = [task for task in tasks(study, *TINY) if task.parameters["part"] in ("fbql", "controls")]
+    found = [task for task in tasks(study, *TINY) if task.parameters["part"] in (*LEARNERS, "controls")]
     results: dict[str, Result] = {}
     for task in found:
         result = study.run(task.parameters)
@@ -150,6 +166,7 @@ def test_a_task_gives_the_same_result_again_and_the_table_has_every_method(study
     told = [row["method"] for row in rows if "method" in row]
     expected = ladder.METHODS if study is ladder else (*fusion_controls.METHODS, "fbql, never learned", "fbql")
     assert [method for method in told if method in expected] == list(expected)
+    assert len({tuple(row) for row in rows if "method" in row}) == 1, "methods have other columns than others"
     assert {row["episodes"] for row in rows if "method" in row} == {2}
     pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
     for file in study.figures(results, tmp_path):
@@ -209,22 +226,27 @@ def test_the_papers_protocol_tells_rung_a_ties_and_courses(tmp_path: Path, monke
     )
     monkeypatch.setattr(paper, "MOST_EPISODES", 3)
     monkeypatch.setattr(paper, "GUIDED_EPISODES", 3)
-    (task,) = tasks(paper, *SMALL, "--goals", "1")
-    result = paper.run({**task.parameters, "max_steps": 600})
-    assert json.loads(json.dumps(result, allow_nan=False)) == result
-    rows = paper.table({"a": result})
+    found = tasks(paper, *SMALL, "--goals", "1")
+    results = {task.key: paper.run({**task.parameters, "max_steps": 600}) for task in found}
+    assert json.loads(json.dumps(results, allow_nan=False)) == results
+    rows = paper.table(results)
     json.dumps(rows, allow_nan=False)
     methods = {row["method"]: row for row in rows if "method" in row}
     assert list(methods) == list(paper.METHODS)
     assert len({tuple(row) for row in methods.values()}) == 1
     assert methods["fbql literal, ties: none"]["tied_share"] > 0.9
-    assert methods["fbql"]["tied_share"] is None
-    assert {row["rung"] for row in rows if "rung" in row} == {"a, fbql", "a, fbql, paper's guide"}
-    for run in result["runs"]:
+    guides = ("", ", paper's guide")
+    assert {row["rung"] for row in rows if "rung" in row} == {f"a, {each}{by}" for each in LEARNERS for by in guides}
+    for learner in LEARNERS:
+        assert methods[learner]["tied_share"] is None
+        for by in guides:
+            assert None not in (methods[f"{learner}{by}"]["p_guided"], methods[f"{learner}{by}"]["p_untrained"])
+            assert any(f"'{learner}{by}, only guided'" in row.get("measure", "") for row in rows)
+    for run in (run for result in results.values() for run in result["runs"]):
         assert len(run["course"]) == run["episodes"]
         assert sum(steps for _, steps, _, _ in run["course"]) == run["steps"]
     pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
-    assert [file.name for file in paper.figures({"a": result}, tmp_path)] == ["curves.json", "fusion_paper.svg"]
+    assert [file.name for file in paper.figures(results, tmp_path)] == ["curves.json", "fusion_paper.svg"]
 
 
 def row(method: str, tree_seed: int, seed: int, steps: int, **figures: int) -> dict[str, Any]:
@@ -233,18 +255,18 @@ def row(method: str, tree_seed: int, seed: int, steps: int, **figures: int) -> d
     return {"method": method, "tree_seed": tree_seed, "seed": seed, "steps": steps, **counted}
 
 
-def ladder_of(fbql: dict[int, int], **figures: int) -> dict[str, Result]:
-    """Results of a ladder with two seeds on each tree set: re-tuned costs 1000, the law 300, FBQL what is given."""
+def ladder_of(learned: dict[int, int], learner: str = "fbql", **figures: int) -> dict[str, Result]:
+    """Results of a ladder with two seeds on each tree set: re-tuned costs 1000, the law 300, a learner what is given."""
     results: dict[str, Result] = {}
-    for tree, cost in fbql.items():
+    for tree, cost in learned.items():
         controls = [
             row(method, tree, seed, 100 * each)
             for method, each in ((fusion_controls.LAW, 300), (fusion_controls.RETUNED, 1000))
             for seed in range(2)
         ]
         results[f"controls{tree}"] = {"runs": controls, "thresholds": [0.07, 0.1], "leaves": [100, 10, 30]}
-        runs = [row("fbql", tree, seed, 100 * cost, **figures) for seed in range(2)]
-        results[f"fbql{tree}"] = {"runs": runs}
+        runs = [row(learner, tree, seed, 100 * cost, **figures) for seed in range(2)]
+        results[f"{learner}{tree}"] = {"runs": runs}
     return results
 
 
@@ -252,8 +274,9 @@ def rungs(results: dict[str, Result]) -> dict[str, tuple[float, bool]]:
     return {each["measure"]: (each["found"], each["reached"]) for each in ladder.table(results) if "rung" in each}
 
 
-def test_rungs_b_and_c_are_reached_where_every_measure_is() -> None:
-    found = rungs(ladder_of({1001: 500, 1002: 700}))
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_rungs_b_and_c_are_reached_where_every_measure_is(learner: str) -> None:
+    found = rungs(ladder_of({1001: 500, 1002: 700}, learner))
     assert found["cost/goal to re-tuned"] == (pytest.approx(0.6), True)
     assert found["cost/goal to re-tuned, worst tree set"] == (pytest.approx(0.7), True)
     assert found["steps of a success to the scripted law's"] == (pytest.approx(2.0), True)
@@ -310,16 +333,19 @@ def test_learning_curves_are_sums_over_runs_and_leave_out_what_has_no_goal() -> 
     assert growth({"fbql": runs})["fbql"]["joint_states"] == [[10.0, 30.0]] * 3
 
 
-def test_weight_maps_hold_the_weights_of_every_place_and_of_nothing_learned_equal_ones(loop: WorldLoop) -> None:
-    fusion = training_of(5, 6)
-    trained = train(fusion, shipped(), loop)
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_weight_maps_hold_the_weights_of_every_place_and_of_nothing_learned_equal_ones(
+    learner: str, long_loop: WorldLoop
+) -> None:
+    fusion = training_of(5, 6, learner)
+    trained = train(fusion, shipped(), long_loop)
     maps = weight_maps(fusion, trained.policy, shipped())
     weights = np.array(maps["weights"])
     assert weights.shape == (len(maps["headings_rad"]), len(maps["y_m"]), len(maps["x_m"]), 3)
     assert np.abs(weights.sum(axis=3) - 100).max() <= 2
     assert weights.std() > 1.0
     session_policy = trained.policy._replace(
-        arrays={**trained.policy.arrays, **{name: 0 * trained.policy.arrays[name] for name in ("theta", "mean")}}
+        arrays={name: 0 * x if name in ("theta", "values", "mean") else x for name, x in trained.policy.arrays.items()}
     )
     assert (np.array(weight_maps(fusion, session_policy, shipped())["weights"]) == 33).all()
 
@@ -334,7 +360,7 @@ def test_one_worker_and_two_give_the_same_results_and_a_run_goes_on_where_one_wa
         for name, jobs in (("one", "1"), ("two", "2")):
             assert main([*arguments, str(tmp_path / name), "--jobs", jobs]) == 0
         one, two = (kept(tmp_path / name) for name in ("one", "two"))
-        assert len(one) == 2
+        assert len(one) == 3
         assert one == two
         (tmp_path / "two" / "tasks" / "fbql-trees1001-seed0.json").unlink()
         controls = (tmp_path / "two" / "tasks" / "controls-trees1001.json").stat().st_mtime_ns
@@ -345,10 +371,12 @@ def test_one_worker_and_two_give_the_same_results_and_a_run_goes_on_where_one_wa
     assert kept(tmp_path / "two") == one
     assert (tmp_path / "two" / "tasks" / "controls-trees1001.json").stat().st_mtime_ns == controls
     told = capsys.readouterr()
-    assert "1 of 2 tasks are done already" in told.err
+    assert "2 of 3 tasks are done already" in told.err
     tables = [json.loads(line)["table"] for line in told.out.splitlines()]
     for table in tables:
-        assert table[-1].pop("training_s") > 0.0
+        sizes = [row for row in table if "trainings" in row]
+        assert [row["learner"] for row in sizes] == list(LEARNERS)
+        assert all(row.pop("training_s") > 0.0 for row in sizes)
     assert tables[0] == tables[1] == tables[2]
 
 
@@ -361,10 +389,39 @@ def test_thresholds_are_chosen_in_rounds_that_the_cheapest_go_on_from(monkeypatc
         return known[pair][episodes // 100]
 
     for name, value in {"WALL_M": (0.0, 0.1), "APPROACH_RAD": (0.0, 1.0), "_cost_with": cost}.items():
-        monkeypatch.setattr(paper, name, value)
-    monkeypatch.setattr(paper, "TUNING_ROUNDS", ((30, 3), (100, 1)))
-    assert paper.retuned([], WorldLoop()) == (0.1, 0.0)
+        monkeypatch.setattr(tuning, name, value)
+    monkeypatch.setattr(tuning, "TUNING_ROUNDS", ((30, 3), (100, 1)))
+    assert tuning.retuned([], WorldLoop()) == (0.1, 0.0)
     assert [episodes for _, episodes in asked] == [30] * 4 + [100] * 3
+
+
+def test_each_tree_set_of_the_papers_protocol_is_tuned_for_in_one_task_and_no_run_is_played_twice() -> None:
+    found = tasks(paper, "--trees", "3", "--seeds", "9")
+    tuned = [task.parameters for task in found if task.parameters["part"] == RETUNED]
+    assert [task["tree_seed"] for task in tuned] == [1001, 1002, 1003]
+    assert all(task["run_seeds"] == list(range(1000, 1009)) for task in tuned)
+    others = [task.parameters for task in found if task.parameters["part"] != RETUNED]
+    played = [(task["tree_seed"], seed) for task in others for seed in task["run_seeds"]]
+    assert sorted(played) == [(tree, seed) for tree in (1001, 1002, 1003) for seed in range(1000, 1009)]
+
+
+def test_the_constant_blend_is_the_cheapest_of_the_grid_on_the_tuning_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    costs = {(0.6, 0.0, 0.4): (90, 1), (0.4, 0.2, 0.4): (200, 3), (1.0, 0.0, 0.0): (10, 0)}
+    asked: set[tuple[int, int]] = set()
+
+    def played(weights: tuple[float, ...], _behaviors: object, _loop: object, seed: int, episodes: int) -> Result:
+        asked.add((seed, episodes))
+        steps, goals = costs.get(weights, (1000, 1))
+        return {"steps": steps, "goals": goals}
+
+    monkeypatch.setattr("studies.constant_blend.blend_played", played)
+    assert best_blend(shipped(), WorldLoop()) == (0.4, 0.2, 0.4)
+    assert asked == {(tuning.TUNING_SEED, episodes) for episodes, _ in tuning.TUNING_ROUNDS}
+
+
+def test_equal_constant_weights_are_the_uniform_controller(loop: WorldLoop) -> None:
+    found = blend_played((1 / 3,) * 3, shipped(), loop, 77, 3)
+    assert found == frozen(FusionParameters(controller="uniform"), shipped(), loop, 77, 3)
 
 
 def kept(directory: Path) -> dict[str, Any]:
