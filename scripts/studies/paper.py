@@ -63,8 +63,9 @@ def guided(method: str) -> str:
 
 
 def _methods_of(learner: str) -> dict[str, FusionParameters]:
-    """A learner and its frozen twins, with each guide. All are drawn, as a learner plays while it learns."""
-    drawn = {"controller": learner, f"{learner}_play": "drawn"}
+    """A learner and its frozen twins, with each guide. All are drawn and held, as a learner plays while it learns."""
+    held = getattr(FusionParameters(), f"{learner}_hold_steps")
+    drawn = {"controller": learner, f"{learner}_play": "drawn", f"{learner}_play_steps": held}
     papers = papers_guide(learner)
     return {
         learner: FusionParameters(**drawn),

@@ -59,6 +59,11 @@ class Episode:
         """The episode ended in this situation."""
         self._add(situation, active)
 
+    @property
+    def succeeded(self) -> bool:
+        """Whether it ended neither by the time limit nor in a punishment: in a goal, then."""
+        return self.terminated and self.rewards[-1] >= 0.0
+
     def _add(self, situation: Situation, active: list[int] | None) -> None:
         if active is None:
             self.situations.append(situation)

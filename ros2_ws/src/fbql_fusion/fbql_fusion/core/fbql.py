@@ -26,13 +26,14 @@ _ALWAYS = {"counts": ("i", (3,)), "generator": ("u", (6,))}
 
 
 class Fbql(HeldDecisions):
-    """The learner (see the module). One decision is held for `fbql_hold_steps` steps."""
+    """The learner (see the module). One decision is held for `fbql_hold_steps` steps while it learns."""
 
     kind = "fbql"
 
     def __init__(self, parameters: FusionParameters, generator: np.random.Generator) -> None:
         holding = Holding(
             parameters.fbql_hold_steps,
+            parameters.fbql_play_steps,
             parameters.fbql_play,
             parameters.fbql_patience,
             parameters.fbql_discount,
@@ -56,7 +57,8 @@ class Fbql(HeldDecisions):
 
     def _learn_waiting(self) -> None:
         if self._waiting[-1].guided:
-            self._follow([self._waiting.pop()])
+            episode = self._waiting.pop()
+            self._follow([episode], [episode.succeeded])
         elif self._is_batch():
             self._improve()
 
@@ -64,20 +66,24 @@ class Fbql(HeldDecisions):
         guided = [episode for episode in self._waiting if episode.guided]
         if guided:
             self._waiting = [episode for episode in self._waiting if not episode.guided]
-            self._follow(guided)
+            succeeded = [episode.succeeded for episode in guided]
+            self._follow(guided, succeeded if any(succeeded) else [True] * len(guided))
         else:
             self._improve()
 
-    def _follow(self, guided: Sequence[Episode]) -> None:
-        """Eqs. 11 and 15 on guided episodes: the weights of the guide's drivers grow, and V learns what they led to."""
+    def _follow(self, guided: Sequence[Episode], examples: Sequence[bool]) -> None:
+        """Eqs. 11 and 15 on guided episodes: V learns what they led to, and in the examples among them the weights of the
+        drivers grow. One that did not end in a goal is no example, unless the guide never succeeded at first."""
         parameters = self._parameters
         batch = self._batch(guided)
+        example = np.repeat(examples, [len(episode.drivers) for episode in guided])
         for _ in range(parameters.fbql_guide_passes):
             for some in batch.minibatches(parameters.fbql_minibatch, self._generator):
-                active = batch.active[some]
-                step = eq.guided_step(eq.weights_of(self._theta, active), batch.driver[some])
+                self._learn_value(batch.active[some], batch.returns[some])
+                shown = some[example[some]]
+                active = batch.active[shown]
+                step = eq.guided_step(eq.weights_of(self._theta, active), batch.driver[shown])
                 eq.add_shared(self._theta, active, step, parameters.fbql_rate)
-                self._learn_value(active, batch.returns[some])
 
     def _improve(self) -> None:
         """Eqs. 12 to 15 on a batch of episodes."""

@@ -13,7 +13,10 @@ PLAYS = ("held", "drawn", "blended")
 class FbqlParameters:
     """What `docs/fusion.md` calls eqs. 10 to 15. The defaults were chosen on training seeds and tree sets."""
 
-    fbql_hold_steps: int = parameter(8, "steps for which fbql holds a decision", low=1, high=1000)
+    fbql_hold_steps: int = parameter(4, "steps for which fbql holds a decision while it learns", low=1, high=1000)
+    fbql_play_steps: int = parameter(
+        2, "steps for which fbql holds a decision when it does not learn", low=1, high=1000
+    )
     fbql_play: str = parameter(
         "held",
         "how fbql plays when it does not learn: the behavior with the largest weight drives, one drawn by the weights, "
@@ -28,7 +31,7 @@ class FbqlParameters:
         high=1_000_000,
     )
     fbql_reward_collision: float = parameter(
-        -0.1, "reward of a collision for fbql, once when it begins", low=-1e9, high=1e9
+        -0.2, "reward of a collision for fbql, once when it begins", low=-1e9, high=1e9
     )
 
     fbql_leaf_pairs: bool = parameter(True, "whether each leaf, and each pair of leaves, is a feature")
@@ -38,12 +41,12 @@ class FbqlParameters:
     fbql_joint_tiles: int = parameter(4, "tiles along each component of such a tiling", low=1, high=64)
     fbql_mirror: bool = parameter(True, "whether situations that mirror each other (left and right) share their tiles")
 
-    fbql_discount: float = parameter(0.997, "gamma of fbql, per step", low=0.0, high=1.0)
-    fbql_trace: float = parameter(0.95, "lambda of eq. 13, per decision", low=0.0, high=1.0)
+    fbql_discount: float = parameter(0.998, "gamma of fbql, per step", low=0.0, high=1.0)
+    fbql_trace: float = parameter(0.975, "lambda of eq. 13, per decision", low=0.0, high=1.0)
     fbql_rate: float = parameter(0.1, "alpha of eq. 14, shared by the active features", low=0.0, high=10.0)
     fbql_value_rate: float = parameter(0.1, "beta of eq. 15, shared by the active features", low=0.0, high=2.0)
     fbql_clip: float = parameter(0.4, "change of a weight, in shares of it, beyond which eq. 14 leaves it", low=0.0)
-    fbql_entropy: float = parameter(0.003, "worth of undecided weights in eq. 14", low=0.0, high=10.0)
+    fbql_entropy: float = parameter(0.0005, "worth of undecided weights in eq. 14", low=0.0, high=10.0)
     fbql_batch_episodes: int = parameter(
         20, "episodes learned from at a time, later on; it begins with 3", low=1, high=1000
     )

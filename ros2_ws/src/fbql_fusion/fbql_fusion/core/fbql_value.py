@@ -40,13 +40,14 @@ class Lesson(NamedTuple):
 
 
 class FbqlValue(HeldDecisions):
-    """The learner (see the module). One decision is held for `fbql_value_hold_steps` steps."""
+    """The learner (see the module). One decision is held for `fbql_value_hold_steps` steps while it learns."""
 
     kind = "fbql_value"
 
     def __init__(self, parameters: FusionParameters, generator: np.random.Generator) -> None:
         holding = Holding(
             parameters.fbql_value_hold_steps,
+            parameters.fbql_value_play_steps,
             parameters.fbql_value_play,
             parameters.fbql_value_patience,
             parameters.fbql_value_discount,

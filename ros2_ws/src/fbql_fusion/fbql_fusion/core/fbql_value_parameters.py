@@ -13,7 +13,12 @@ from fbql_fusion.core.fbql_parameters import PLAYS
 class FbqlValueParameters:
     """What `docs/fusion.md` calls eqs. 16 to 20. The defaults were chosen on training seeds and tree sets."""
 
-    fbql_value_hold_steps: int = parameter(8, "steps for which fbql_value holds a decision", low=1, high=1000)
+    fbql_value_hold_steps: int = parameter(
+        8, "steps for which fbql_value holds a decision while it learns", low=1, high=1000
+    )
+    fbql_value_play_steps: int = parameter(
+        8, "steps for which fbql_value holds a decision when it does not learn", low=1, high=1000
+    )
     fbql_value_play: str = parameter(
         "held",
         "how fbql_value plays when it does not learn: the behavior with the largest weight drives, one drawn by the "

@@ -164,8 +164,12 @@ class Features:
         asked = [(group, np.isin(owner, group), row, tiles) for group, row, tiles in groups]
         asked = [each for each in asked if each[1].any()]
         # A row for each tiling, a column for each component; 0 where the tiling leaves the component out.
-        self._sizes = np.array([tiles * member for _, member, _, tiles in asked], dtype=np.float64).reshape(len(asked), d)
-        self._shifts = np.array([offsets[row] * member for _, member, row, _ in asked], dtype=np.float64).reshape(len(asked), d)
+        self._sizes = np.array([tiles * member for _, member, _, tiles in asked], dtype=np.float64).reshape(
+            len(asked), d
+        )
+        self._shifts = np.array([offsets[row] * member for _, member, row, _ in asked], dtype=np.float64).reshape(
+            len(asked), d
+        )
         factors = np.array(mixed(len(asked) * (d + 1)), dtype=np.int64).reshape(len(asked), d + 1)
         self._factors, self._families = factors[:, :d], factors[:, d]
         self._needs = [[i for i in group if scales.lengths[i]] for group, *_ in asked]

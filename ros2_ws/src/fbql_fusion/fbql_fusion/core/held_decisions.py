@@ -37,7 +37,9 @@ class Holding(NamedTuple):
     """How is played."""
 
     steps: int
-    """A decision is held for so many steps."""
+    """A decision is held for so many steps while it learns."""
+    play_steps: int
+    """The same where nothing is learned."""
     play: str
     """One of `fbql_parameters.PLAYS`: how is played when nothing is learned."""
     patience: int
@@ -49,7 +51,7 @@ class Holding(NamedTuple):
 
 
 class HeldDecisions(ABC):
-    """Decides every `steps` steps who drives, and remembers what came of it."""
+    """Decides every few steps who drives, and remembers what came of it."""
 
     def __init__(self, parameters: FusionParameters, holding: Holding, generator: np.random.Generator) -> None:
         self._parameters = parameters
@@ -136,7 +138,8 @@ class HeldDecisions(ABC):
                 self._end(self._episode, situation)
             return self._weights, self._driver, self._q
         self._decide(situation, outputs)
-        self._held_for = self._holding.steps - 1 if complete else 0
+        steps = self._holding.play_steps if self._phase is Phase.EVALUATION else self._holding.steps
+        self._held_for = steps - 1 if complete else 0
         return self._weights, self._driver, self._q
 
     def _situation(self, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Situation:
