@@ -12,11 +12,14 @@ from fbql_sim.core.world_loop import WorldLoop
 
 from studies.study import Result
 from studies.training import driven
-from studies.tuning import TUNING_SEED, cheapest
+from studies.tuning import TUNING_SEED, Rounds, cheapest
 
 CONSTANT = "constant blend"
 GRID = 5
 """Constant weights are multiples of 1 / GRID."""
+
+BLEND_ROUNDS: Rounds = ((20, 6), (100, 1))
+"""Less than the thresholds have: a blend costs several times as many steps for a goal, and is told apart by fewer."""
 
 Weights = tuple[float, ...]
 
@@ -44,4 +47,4 @@ def best_blend(behaviors: Sequence[Behavior], loop: WorldLoop) -> Weights:
         found = blend_played(weights, behaviors, loop, TUNING_SEED, episodes)
         return found["steps"] / found["goals"] if found["goals"] else float("inf")
 
-    return cheapest(grid(len(behaviors)), cost)
+    return cheapest(grid(len(behaviors)), cost, BLEND_ROUNDS)

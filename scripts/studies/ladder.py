@@ -32,6 +32,8 @@ DESCRIPTION = (
 )
 SEEDS = Seeds(FIRST_TREE_SEED, FIRST_RUN_SEED)
 
+BOTH = "both"
+
 
 def _drawn(learner: str) -> str:
     """The method that never learned, drawn as a learner plays while it learns."""
@@ -56,22 +58,34 @@ TWINS = {
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the study's own options."""
     add_training_options(parser, trees=5, seeds=5, episodes=3000, evaluate=200)
+    parser.add_argument(
+        "--learners",
+        choices=[*LEARNERS, BOTH],
+        default=BOTH,
+        help=f"which learner is trained: {', '.join(LEARNERS)} or {BOTH} ({BOTH})",
+    )
 
 
 def tasks(options: argparse.Namespace) -> list[Task]:
-    """A training for each learner, tree set and seed, seed by seed, so that every tree set has one early; then the controls."""
+    """A training for each learner, tree set and seed, seed by seed, so that every tree set has one early.
+
+    The controls come after the first learner's: with these two the study can tell of the rungs.
+    """
     check_options(options)
     given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
-    found = [
-        Task(
-            f"{learner}-trees{SEEDS.tree(k)}-seed{seed}",
-            {"part": learner, "set": k, "seed": seed, "episodes": options.episodes, **given},
-        )
-        for seed in range(options.seeds)
-        for k in range(options.trees)
-        for learner in LEARNERS
-    ]
-    return found + control_tasks(SEEDS, options.trees, options.seeds, given)
+    controls = control_tasks(SEEDS, options.trees, options.seeds, given)
+    found: list[Task] = []
+    for learner in LEARNERS if options.learners == BOTH else [options.learners]:
+        found += [
+            Task(
+                f"{learner}-trees{SEEDS.tree(k)}-seed{seed}",
+                {"part": learner, "set": k, "seed": seed, "episodes": options.episodes, **given},
+            )
+            for seed in range(options.seeds)
+            for k in range(options.trees)
+        ]
+        found, controls = found + controls, []
+    return found
 
 
 def run(parameters: Parameters) -> Result:

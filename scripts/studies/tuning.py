@@ -11,20 +11,23 @@ from fbql_sim.core.world_loop import WorldLoop
 from launcher.in_process import play
 
 TUNING_SEED = 11
-TUNING_ROUNDS = ((30, 12), (150, 4), (500, 1))
+Rounds = Sequence[tuple[int, int]]
 """Training episodes that each candidate plays, and how many of them are left after it."""
+TUNING_ROUNDS: Rounds = ((30, 12), (150, 4), (500, 1))
 WALL_M = (0.0, 0.06, 0.07, 0.08, 0.10, 0.12)
 APPROACH_RAD = (0.0, 0.05, 0.1, 0.15, 0.3, 1.0)
 
 
-def cheapest[Candidate](candidates: Sequence[Candidate], cost: Callable[[Candidate, int], float]) -> Candidate:
+def cheapest[Candidate](
+    candidates: Sequence[Candidate], cost: Callable[[Candidate, int], float], rounds: Rounds
+) -> Candidate:
     """The candidate with the least cost(candidate, episodes); the first of equal ones.
 
     All play a few episodes, the best of them many: a deadlock that comes once in fifty episodes decides what a candidate
     is worth, and few episodes don't show it: chosen on 30 alone, a pair of thresholds had 6 timeouts in 100 fresh episodes.
     """
     left = list(candidates)
-    for episodes, kept in TUNING_ROUNDS:
+    for episodes, kept in rounds:
         if len(left) > kept:
             costs = {candidate: cost(candidate, episodes) for candidate in left}
             left = sorted(left, key=lambda candidate: costs[candidate])[:kept]
@@ -34,7 +37,7 @@ def cheapest[Candidate](candidates: Sequence[Candidate], cost: Callable[[Candida
 def retuned(behaviors: Sequence[Behavior], loop: WorldLoop) -> tuple[float, float]:
     """Subsumption's thresholds (wall [m], psi [rad]) with the least cost/goal for a tree set, on training episodes."""
     pairs = [(wall_m, approach_rad) for wall_m in WALL_M for approach_rad in APPROACH_RAD]
-    return cheapest(pairs, lambda pair, episodes: _cost_with(pair, behaviors, loop, episodes))
+    return cheapest(pairs, lambda pair, episodes: _cost_with(pair, behaviors, loop, episodes), TUNING_ROUNDS)
 
 
 def _cost_with(thresholds: tuple[float, float], behaviors: Sequence[Behavior], loop: WorldLoop, episodes: int) -> float:

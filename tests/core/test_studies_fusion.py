@@ -25,7 +25,7 @@ from launcher.experiment import main
 from launcher.make_trees import SHIPPED
 from studies import ablation, fusion_controls, ladder, paper, scaling, tuning
 from studies.comparison import cost_ratio, method_row, runs_by_method
-from studies.constant_blend import best_blend, blend_played
+from studies.constant_blend import BLEND_ROUNDS, best_blend, blend_played
 from studies.learning_curves import growth, learning
 from studies.paper import LEARNERS, RETUNED, after_guidance
 from studies.peers import evaluation_seed_of
@@ -57,6 +57,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(tuning, "WALL_M", (0.07,))
     monkeypatch.setattr(tuning, "APPROACH_RAD", (0.15,))
     monkeypatch.setattr(tuning, "TUNING_ROUNDS", ((2, 1),))
+    monkeypatch.setattr("studies.constant_blend.BLEND_ROUNDS", ((2, 1),))
     yield
 
 
@@ -416,7 +417,7 @@ def test_the_constant_blend_is_the_cheapest_of_the_grid_on_the_tuning_seed(monke
 
     monkeypatch.setattr("studies.constant_blend.blend_played", played)
     assert best_blend(shipped(), WorldLoop()) == (0.4, 0.2, 0.4)
-    assert asked == {(tuning.TUNING_SEED, episodes) for episodes, _ in tuning.TUNING_ROUNDS}
+    assert asked == {(tuning.TUNING_SEED, episodes) for episodes, _ in BLEND_ROUNDS}
 
 
 def test_equal_constant_weights_are_the_uniform_controller(loop: WorldLoop) -> None:
