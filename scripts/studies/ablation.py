@@ -40,16 +40,18 @@ def trained_variants() -> dict[str, Changes]:
         "leaves and pairs of leaves only": {"fbql_pair_tilings": 0, "fbql_joint_tilings": 0},
         "no mirror": {"fbql_mirror": False},
         "no guided episodes": {"guided": 0},
+        "paper's guide": {"preset": "paper"},
+        "paper's guide, failures imitated": {"preset": "paper", "fbql_imitate_failures": True},
         "guided, but not followed": {"fbql_guide_passes": 0},
         "no critic": {"fbql_value_rate": 0.0, "fbql_trace": 1.0},
         "no averaging, constant rate": {"fbql_horizon": FOREVER},
     }
     series: dict[str, tuple[str, tuple[float, ...]]] = {
-        "held for {} steps": ("fbql_hold_steps", (1, 4, 8, 16)),
+        "held for {} steps": ("fbql_hold_steps", (1, 2, 4, 8, 16)),
         "clip {}": ("fbql_clip", (0.2, 0.4, 1.0)),
-        "collision {}": ("fbql_reward_collision", (0.0, -0.1, -0.3, -5.0)),
-        "entropy {}": ("fbql_entropy", (0.0, 0.003, 0.01)),
-        "discount {}": ("fbql_discount", (0.99, 0.997, 0.999)),
+        "collision {}": ("fbql_reward_collision", (0.0, -0.2, -5.0)),
+        "entropy {}": ("fbql_entropy", (0.0, 0.0005, 0.003)),
+        "discount {}": ("fbql_discount", (0.99, 0.998, 1.0)),
     }
     for name, (parameter, values) in series.items():
         found |= {name.format(f"{x:g}"): {parameter: x} for x in values if x != getattr(default, parameter)}
@@ -65,7 +67,7 @@ def played_variants() -> dict[str, Changes]:
     default = FusionParameters()
     found: dict[str, Changes] = {"no patience": {"fbql_patience": 0}}
     found |= {f"{play} play": {"fbql_play": play} for play in ("held", "drawn", "blended")}
-    found["blended play, not held"] = {"fbql_play": "blended", "fbql_hold_steps": 1, "fbql_patience": 0}
+    found |= {f"play that decides every {steps} steps": {"fbql_play_steps": steps} for steps in (1, 2, 4, 8)}
     return {
         name: changes
         for name, changes in found.items()

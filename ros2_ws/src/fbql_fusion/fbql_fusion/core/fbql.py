@@ -58,7 +58,7 @@ class Fbql(HeldDecisions):
     def _learn_waiting(self) -> None:
         if self._waiting[-1].guided:
             episode = self._waiting.pop()
-            self._follow([episode], [episode.succeeded])
+            self._follow([episode], [self._is_example(episode)])
         elif self._is_batch():
             self._improve()
 
@@ -66,10 +66,13 @@ class Fbql(HeldDecisions):
         guided = [episode for episode in self._waiting if episode.guided]
         if guided:
             self._waiting = [episode for episode in self._waiting if not episode.guided]
-            succeeded = [episode.succeeded for episode in guided]
-            self._follow(guided, succeeded if any(succeeded) else [True] * len(guided))
+            examples = [self._is_example(episode) for episode in guided]
+            self._follow(guided, examples if any(examples) else [True] * len(guided))
         else:
             self._improve()
+
+    def _is_example(self, guided: Episode) -> bool:
+        return guided.succeeded or self._parameters.fbql_imitate_failures
 
     def _follow(self, guided: Sequence[Episode], examples: Sequence[bool]) -> None:
         """Eqs. 11 and 15 on guided episodes: V learns what they led to, and in the examples among them the weights of the

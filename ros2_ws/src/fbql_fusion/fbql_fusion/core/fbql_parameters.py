@@ -52,6 +52,9 @@ class FbqlParameters:
     )
     fbql_passes: int = parameter(8, "passes over a batch", low=1, high=100)
     fbql_guide_passes: int = parameter(4, "passes over the guided episodes", low=0, high=1000)
+    fbql_imitate_failures: bool = parameter(
+        False, "whether guided episodes that did not end in a goal are imitated as well"
+    )
     fbql_minibatch: int = parameter(128, "decisions that are learned from at once", low=1, high=100_000)
     fbql_divergence: float = parameter(
         0.05, "mean divergence of a batch's weights after which the passes leave them alone", low=0.0
