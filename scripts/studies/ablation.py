@@ -65,7 +65,7 @@ def played_variants() -> dict[str, Changes]:
     default = FusionParameters()
     found: dict[str, Changes] = {"no patience": {"fbql_patience": 0}}
     found |= {f"{play} play": {"fbql_play": play} for play in ("held", "drawn", "blended")}
-    found["blended play, not held"] = {"fbql_play": "blended", "fbql_hold_steps": 1, "fbql_patience": 0}
+    found["blended play, not held"] = {"fbql_play": "blended", "fbql_play_steps": 1, "fbql_patience": 0}
     return {
         name: changes
         for name, changes in found.items()
