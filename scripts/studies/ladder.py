@@ -21,7 +21,7 @@ from studies.comparison import Runs, filled, method_row, runs_by_method
 from studies.fusion_controls import LAW, PAPER, RETUNED, TUNED, control_tasks, controls_played
 from studies.ladder_rungs import rung_rows, tree_rows
 from studies.learning_curves import Trainings, growth, learning
-from studies.paper import FIRST_RUN_SEED, FIRST_TREE_SEED, LEARNERS, after_guidance, guided, untrained
+from studies.paper import FIRST_RUN_SEED, FIRST_TREE_SEED, LEARNERS, after_guidance, as_it_learns, guided, untrained
 from studies.study import MEASURED, Parameters, Result, Row, Task
 from studies.training import Seeds, check_options, frozen, train, training_of
 from studies.training import add_options as add_training_options
@@ -36,7 +36,7 @@ BOTH = "both"
 
 
 def _drawn(learner: str) -> str:
-    """The method that never learned, drawn as a learner plays while it learns."""
+    """The method that never learned, drawn and held as a learner plays while it learns."""
     return f"{untrained(learner)}, drawn"
 
 
@@ -103,7 +103,7 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
     begun_s = perf_counter()
     trained = train(fusion, behaviors, loop)
     training_s = perf_counter() - begun_s
-    drawn = training_of(fusion.seed, fusion.episodes, learner, **{f"{learner}_play": "drawn"})
+    drawn = training_of(fusion.seed, fusion.episodes, learner, **as_it_learns(learner))
     twins = {
         untrained(learner): (fusion, None),
         _drawn(learner): (drawn, None),

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import batched
 from pathlib import Path
+from typing import Any
 
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import Phase
@@ -62,10 +63,15 @@ def guided(method: str) -> str:
     return f"{method}, only guided"
 
 
-def _methods_of(learner: str) -> dict[str, FusionParameters]:
-    """A learner and its frozen twins, with each guide. All are drawn and held, as a learner plays while it learns."""
+def as_it_learns(learner: str) -> dict[str, Any]:
+    """Parameters with which a learner plays frozen as it does while it learns: drawn, and held as long."""
     held = getattr(FusionParameters(), f"{learner}_hold_steps")
-    drawn = {"controller": learner, f"{learner}_play": "drawn", f"{learner}_play_steps": held}
+    return {f"{learner}_play": "drawn", f"{learner}_play_steps": held}
+
+
+def _methods_of(learner: str) -> dict[str, FusionParameters]:
+    """A learner and its frozen twins, with each guide. All play as a learner does while it learns."""
+    drawn = {"controller": learner, **as_it_learns(learner)}
     papers = papers_guide(learner)
     return {
         learner: FusionParameters(**drawn),

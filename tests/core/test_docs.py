@@ -16,6 +16,7 @@ from fbql_behaviors.core.instructors import Habits
 from fbql_behaviors.core.leaf_tuning import TuningParameters
 from fbql_behaviors.core.recipes import Recipe
 from fbql_fusion.core.fbql_parameters import FbqlParameters
+from fbql_fusion.core.fbql_value_parameters import FbqlValueParameters
 from fbql_fusion.core.parameters import PRESETS, FusionParameters
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_sim.core.parameters import SimulationParameters
@@ -55,6 +56,7 @@ DECLARATIONS = {
     declaration.__name__: declaration
     for declaration in (
         FbqlParameters,
+        FbqlValueParameters,
         FusionNodeParameters,
         FusionParameters,
         Habits,
@@ -204,7 +206,7 @@ def test_every_test_that_is_told_of_is_there(path: Path) -> None:
 
 def test_the_map_from_the_paper_to_the_code_tells_of_every_equation_and_figure() -> None:
     text = (ROOT / "docs" / "paper_to_code.md").read_text()
-    for number in range(1, 10):
+    for number in range(1, 21):
         assert f"| eq. {number} |" in text
     for number in range(1, 15):
         assert re.search(rf"^\|.*Fig\. {number}\b", text, flags=re.MULTILINE), number

@@ -1,10 +1,11 @@
-"""FBQL that learns: it does, goes on exactly where it was left, and learns of nothing that it did not see whole."""
+"""The learners that hold their decisions, FBQL's rules and those of both: each learns, goes on exactly where it was left, and learns of nothing that it did not see whole."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from math import nan
 from pathlib import Path
@@ -13,26 +14,33 @@ from typing import Any
 import numpy as np
 import pytest
 from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Phase, World
-from fbql_fusion.core.controllers import Transition
 from fbql_fusion.core.experience import Batch, Episode
 from fbql_fusion.core.fbql import Fbql
-from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.core.fbql_value import FbqlValue
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.session import Session, episode_seed
+from fbql_fusion.core.session import Session
 from fbql_fusion.policy_storage import load_policy, save_policy
+from held_learners import (
+    GOAL,
+    LEARNERS,
+    TABLE,
+    TIMEOUT,
+    Arrays,
+    anywhere,
+    arrays_of,
+    equal,
+    frozen,
+    learned,
+    learner_of,
+    live,
+    stay,
+    trained,
+)
 from numpy.typing import NDArray
-from two_sides import BEHAVIORS, DOWN, UP, Answers, Heard, TwoSides, answer, goals, parameters, play, world_state
+from two_sides import BEHAVIORS, DOWN, UP, Answers, TwoSides, answer, goals, parameters, play, world_state
 
-Arrays = dict[str, NDArray[Any]]
 SEEDS = pytest.mark.parametrize("seed", [1, 2, 3])
-GOAL = {"goal": True, "terminated": True}
-TIMEOUT = {"truncated": True}
-
-
-def learned(session: Session) -> Policy:
-    policy = session.policy()
-    assert policy is not None
-    return policy
+EACH = pytest.mark.parametrize("learner", LEARNERS)
 
 
 def learned_after_guidance(session: Session) -> Policy:
@@ -41,58 +49,49 @@ def learned_after_guidance(session: Session) -> Policy:
     return learned(session)
 
 
-def equal(one: Arrays, other: Arrays) -> bool:
-    return one.keys() == other.keys() and all(np.array_equal(array, other[name]) for name, array in one.items())
-
-
-def arrays_of(session: Session) -> Arrays:
-    return dict(learned(session).arrays)
-
-
-def anywhere(seed: int) -> Heard:
-    """Lets the behaviors sense something else at every step: nothing that was ever met."""
-    rng = np.random.default_rng(seed)
-    return lambda _, answers: [
-        x and x._replace(observation=tuple(rng.random(len(x.observation)).tolist())) for x in answers
-    ]
-
-
 # It learns
 
 
 @SEEDS
 @pytest.mark.parametrize(
-    "changes",
+    ("learner", "changes"),
     [
-        {},
-        {"guided": 5},
-        {"fbql_pair_tilings": 0, "fbql_joint_tilings": 0},
-        {"fbql_leaf_pairs": False, "fbql_joint_tilings": 0},
-        {"fbql_leaf_pairs": False, "fbql_pair_tilings": 0},
+        ("fbql", {}),
+        ("fbql", {"guided": 5}),
+        ("fbql", {"fbql_pair_tilings": 0, "fbql_joint_tilings": 0}),
+        ("fbql", {"fbql_leaf_pairs": False, "fbql_joint_tilings": 0}),
+        ("fbql", {"fbql_leaf_pairs": False, "fbql_pair_tilings": 0}),
+        ("fbql_value", {}),
+        ("fbql_value", {"guided": 5}),
+        ("fbql_value", {"fbql_pair_tilings": 0, "fbql_joint_tilings": 0}),
     ],
-    ids=["alone", "guided", "of leaves", "of pairs' tiles", "of joint tiles"],
-)
-def test_from_goals_alone_it_learns_which_behavior_is_right_where(seed: int, changes: dict[str, Any]) -> None:
+    ids=["alone", "guided", "of leaves", "of pairs' tiles", "of joint tiles", "by value", "guided by value",
+         "by value of leaves"],
+)  # fmt: skip
+def test_from_goals_alone_it_learns_which_behavior_is_right_where(
+    learner: str, seed: int, changes: dict[str, Any]
+) -> None:
     """The guide drives up on either side, which scores in half of its episodes: no help."""
-    session = Session(parameters(seed=seed, **changes))
+    session = Session(parameters(learner, seed=seed, **changes))
     play(session, 160)
     assert goals(session, 50) >= 0.9
 
-    def frozen(policy: Policy | None, play_: str) -> float:
+    def reached(policy: Policy | None, play_: str) -> float:
         evaluation = Session(
-            parameters(seed=seed + 100, learn=False, fbql_play=play_, **(changes | {"guided": 0})), policy
+            parameters(learner, seed=seed + 100, learn=False, own_play=play_, **(changes | {"guided": 0})), policy
         )
         play(evaluation, 60)
         return goals(evaluation, 60)
 
-    assert frozen(None, "drawn") <= 0.7, "its frozen twin"
+    assert reached(None, "drawn") <= 0.7, "its frozen twin"
     for play_ in ("held", "drawn", "blended"):
-        assert frozen(learned(session), play_) >= 0.9
+        assert reached(learned(session), play_) >= 0.9
 
 
-def test_the_same_seed_learns_the_same_and_another_seed_another() -> None:
+@EACH
+def test_the_same_seed_learns_the_same_and_another_seed_another(learner: str) -> None:
     def run(seed: int) -> tuple[str, Arrays]:
-        session = Session(parameters(seed=seed, guided=3))
+        session = Session(parameters(learner, seed=seed, guided=3))
         play(session, 40)
         return session.digest, arrays_of(session)
 
@@ -139,24 +138,27 @@ def test_following_a_good_guide_needs_no_reward(seed: int) -> None:
 # Without learning nothing changes
 
 
+@EACH
 @pytest.mark.parametrize("guided", [0, 3])
 @pytest.mark.parametrize(("play_", "draws"), [("held", False), ("blended", False), ("drawn", True)])
 def test_without_learning_nothing_changes_but_the_generator_where_is_drawn(
-    play_: str, draws: bool, guided: int
+    learner: str, play_: str, draws: bool, guided: int
 ) -> None:
-    session = Session(parameters(seed=1))
+    session = Session(parameters(learner, seed=1))
     play(session, 40)
     before = arrays_of(session)
-    frozen = Session(parameters(seed=2, learn=False, guided=guided, fbql_play=play_, fbql_patience=0), learned(session))
-    play(frozen, 12, anywhere(0))
-    after = arrays_of(frozen)
+    given = parameters(learner, seed=2, learn=False, guided=guided, own_play=play_, own_patience=0)
+    unlearning = Session(given, learned(session))
+    play(unlearning, 12, anywhere(0))
+    after = arrays_of(unlearning)
     drawn = draws or guided > 0
     assert np.array_equal(before.pop("generator"), after.pop("generator")) != drawn
     assert equal(before, after)
 
 
-def test_without_learning_and_without_a_policy_nothing_is_learned() -> None:
-    session = Session(parameters(learn=False, guided=2, fbql_patience=0))
+@EACH
+def test_without_learning_and_without_a_policy_nothing_is_learned(learner: str) -> None:
+    session = Session(parameters(learner, learn=False, guided=2, own_patience=0))
     play(session, 6)
     assert set(arrays_of(session)) == {"counts", "generator"}
     assert arrays_of(session)["counts"].tolist() == [0, 0, 0]
@@ -165,48 +167,24 @@ def test_without_learning_and_without_a_policy_nothing_is_learned() -> None:
 # It goes on where it was left
 
 
-def live(learner: Fbql, numbers: range, phase: Phase) -> None:
-    """Lives through the episodes of these numbers, as a session lets a learner do."""
-    task, up_always = TwoSides(), ((1.0, 0.0), UP)
-    for number in numbers:
-        learner.begin_episode(phase)
-        world = task.reset(number, episode_seed(9, number))
-        before: tuple[tuple[int, ...], tuple[float, ...], int] | None = None
-        while True:
-            outputs = task.answers()
-            joint_state = tuple(NO_LEAF if x is None else x.leaf_id for x in outputs)
-            if before is not None:
-                reward = 10.0 * world.goal - 10.0 * world.own_goal
-                learner.learn(Transition(*before, reward, joint_state, world.terminated, world.truncated))
-            weights, driver, _ = learner.select(world, joint_state, outputs)
-            if phase is Phase.GUIDED:
-                weights, driver = up_always
-            before = joint_state, weights, driver
-            if world.ended:
-                break
-            command = (1.0, -1.0)[driver] if driver >= 0 else weights[0] - weights[1]
-            world = task.step(world, command)
-
-
-def learner_of(given: FusionParameters) -> Fbql:
-    return Fbql(given, np.random.default_rng(given.seed))
-
-
+@EACH
 @pytest.mark.parametrize("guided", [0, 4])
 @pytest.mark.parametrize("saved_after", [31, 40])
-def test_a_training_that_is_saved_and_loaded_goes_on_bit_for_bit(guided: int, saved_after: int, tmp_path: Path) -> None:
+def test_a_training_that_is_saved_and_loaded_goes_on_bit_for_bit(
+    learner: str, guided: int, saved_after: int, tmp_path: Path
+) -> None:
     """With episodes that wait, a mean that is under way, and a rate that falls."""
-    given = parameters(seed=4, fbql_horizon=45)
+    given = parameters(learner, seed=4, own_horizon=45)
 
-    def trained(episodes: int) -> Fbql:
-        learner = learner_of(given)
-        live(learner, range(guided), Phase.GUIDED)
-        live(learner, range(guided, episodes), Phase.LEARNING)
-        return learner
+    def lived(episodes: int) -> Fbql | FbqlValue:
+        made = learner_of(given)
+        live(made, range(guided), Phase.GUIDED)
+        live(made, range(guided, episodes), Phase.LEARNING)
+        return made
 
-    whole, half = trained(60), trained(saved_after)
+    whole, half = lived(60), lived(saved_after)
     saved = half.to_arrays()
-    policy = Policy("fbql", tuple(BEHAVIORS), ("a", "b"), (4, 4), saved)
+    policy = Policy(learner, tuple(BEHAVIORS), ("a", "b"), (4, 4), saved)
     save_policy(tmp_path / "policy.npz", policy)
     rest = learner_of(replace(given, seed=77))
     rest.load_arrays(load_policy(tmp_path / "policy.npz").arrays)
@@ -221,34 +199,39 @@ def test_a_training_that_is_saved_and_loaded_goes_on_bit_for_bit(guided: int, sa
     assert equal(rest.to_arrays(), whole.to_arrays())
 
 
-def test_some_episodes_wait_when_a_training_is_saved() -> None:
+@EACH
+def test_some_episodes_wait_when_a_training_is_saved(learner: str) -> None:
     """So that the test above is about them."""
-    learner = learner_of(parameters(seed=4, fbql_horizon=45))
-    live(learner, range(31), Phase.LEARNING)
-    assert len(learner.to_arrays()["waiting_lengths"]) > 0
+    made = learner_of(parameters(learner, seed=4, own_horizon=45))
+    live(made, range(31), Phase.LEARNING)
+    assert len(made.to_arrays()["waiting_lengths"]) > 0
 
 
-def test_before_there_are_features_a_policy_is_a_beginning() -> None:
-    session = Session(parameters(seed=1, guided=5))
+@EACH
+def test_before_there_are_features_a_policy_is_a_beginning(learner: str) -> None:
+    session = Session(parameters(learner, seed=1, guided=5))
     play(session, 4)
     policy = learned(session)
     assert set(policy.arrays) == {"counts", "generator"}
-    again = Session(parameters(seed=2), policy)
+    again = Session(parameters(learner, seed=2), policy)
     play(again, 30)
-    assert "theta" in arrays_of(again)
+    assert np.abs(arrays_of(again)[TABLE[learner]]).max() > 0.0
 
 
-def test_more_features_than_a_table_has_rows_make_it_longer() -> None:
+@EACH
+def test_more_features_than_a_table_has_rows_make_it_longer(learner: str) -> None:
     """Ten tiles along each component and random situations: every one of them is new."""
     session = Session(
         parameters(
-            fbql_hold_steps=1, fbql_pair_tilings=32, fbql_pair_tiles=64, fbql_joint_tilings=32, fbql_joint_tiles=64
+            learner, own_hold_steps=1, own_passes=1, fbql_pair_tilings=32, fbql_pair_tiles=64,
+            fbql_joint_tilings=32, fbql_joint_tiles=64,
         )
-    )
-    play(session, 40, anywhere(0))
+    )  # fmt: skip
+    play(session, 24, anywhere(0))
     arrays = arrays_of(session)
-    assert len(arrays["keys"]) == len(arrays["theta"]) == len(arrays["value"]) == len(arrays["mean"]) > 2**14
-    assert np.abs(arrays["theta"][2**14 :]).max() > 0.0
+    rows = {len(arrays[name]) for name in ("keys", "theta", "value", "values", "mean") if name in arrays}
+    assert rows == {len(arrays["keys"])}
+    assert np.abs(arrays[TABLE[learner]][2**14 :]).max() > 0.0
 
 
 @pytest.mark.parametrize(("horizon", "share"), [(10**6, 1.0), (40, 1.0), (27, 14 / 27), (20, 0.1), (1, 0.1)])
@@ -268,36 +251,11 @@ def test_the_rate_falls_after_half_of_the_horizon_to_a_tenth(horizon: int, share
 # What it plays
 
 
-def stay(
-    session: Session, steps: int, leaves: Callable[[int], tuple[int, int]] = lambda _: (1, 2), **end: bool
-) -> list[tuple[int, tuple[float, ...]]]:
-    """An episode in which everything stays as it is: who drove, and the weights, of each step."""
-    begun = session.next_episode()
-    assert begun is not None
-    found: list[tuple[int, tuple[float, ...]]] = []
-    for step in range(steps + 1):
-        up, down = leaves(step)
-        outputs: Answers = [answer("up", 1.0, up, [0.3]), answer("down", -1.0, down, [0.5, 0.5])]
-        world = world_state(begun[0], step, **((end or TIMEOUT) if step == steps else {}))
-        _, decision = session.decide(world, outputs)
-        found.append((decision.driver, decision.weights))
-    return found[:-1]
-
-
-def trained(**changes: Any) -> Policy:
-    session = Session(parameters(seed=1, **changes))
-    play(session, 30)
-    return learned(session)
-
-
-def frozen(policy: Policy, **changes: Any) -> Session:
-    return Session(parameters(seed=5, learn=False, **changes), policy)
-
-
-def test_a_decision_is_held_for_its_steps_and_one_behavior_drives_alone() -> None:
+@EACH
+def test_a_decision_is_held_for_its_steps_and_one_behavior_drives_alone(learner: str) -> None:
     for session in (
-        Session(parameters(seed=1, fbql_hold_steps=7)),
-        frozen(trained(), fbql_play_steps=7, fbql_play="drawn"),
+        Session(parameters(learner, seed=1, own_hold_steps=7)),
+        frozen(trained(learner), own_play_steps=7, own_play="drawn", own_patience=2),
     ):
         drivers: list[int] = []
         for _ in range(5):
@@ -310,43 +268,46 @@ def test_a_decision_is_held_for_its_steps_and_one_behavior_drives_alone() -> Non
         assert {*drivers} == {UP, DOWN}
 
 
-def test_held_is_whose_weight_is_the_largest_and_blended_are_all_of_them() -> None:
-    policy = trained()
-    blended = play(frozen(policy, fbql_play="blended", fbql_patience=0), 8)
+@EACH
+def test_held_is_whose_weight_is_the_largest_and_blended_are_all_of_them(learner: str) -> None:
+    policy = trained(learner)
+    blended = play(frozen(policy, own_play="blended", own_patience=0), 8)
     assert {decision.driver for decision in blended} == {DRIVER_BLEND}
     assert all(sum(decision.weights) == pytest.approx(1.0) for decision in blended)
     assert len({decision.weights for decision in blended}) > 20
     for leaves in [(0, 0), (2, 3), (3, 1)]:
-        ((_, weights), *_) = stay(frozen(policy, fbql_play="blended"), 4, lambda _, x=leaves: x)
-        ((driver, alone), *_) = stay(frozen(policy, fbql_play="held"), 4, lambda _, x=leaves: x)
+        ((_, weights), *_) = stay(frozen(policy, own_play="blended"), 4, lambda _, x=leaves: x)
+        ((driver, alone), *_) = stay(frozen(policy, own_play="held"), 4, lambda _, x=leaves: x)
         assert driver == weights.index(max(weights))
         assert alone[driver] == 1.0
 
 
+@EACH
 @pytest.mark.parametrize("averaged", [0, 1])
-def test_what_is_frozen_plays_by_the_mean_as_soon_as_there_is_one(averaged: int) -> None:
-    policy = trained()
-    opposite = {"mean": -policy.arrays["theta"], "counts": np.array([*policy.arrays["counts"][:2], averaged])}
+def test_what_is_frozen_plays_by_the_mean_as_soon_as_there_is_one(learner: str, averaged: int) -> None:
+    policy = trained(learner)
+    opposite = {"mean": -policy.arrays[TABLE[learner]], "counts": np.array([*policy.arrays["counts"][:2], averaged])}
     other = policy._replace(arrays={**policy.arrays, **opposite})
-    ((_, weights), *_) = stay(frozen(policy, fbql_play="blended"), 1)
-    ((_, found), *_) = stay(frozen(other, fbql_play="blended"), 1)
+    ((_, weights), *_) = stay(frozen(policy, own_play="blended"), 1)
+    ((_, found), *_) = stay(frozen(other, own_play="blended"), 1)
     assert abs(weights[UP] - weights[DOWN]) > 0.01
     assert found == pytest.approx(weights[::-1] if averaged else weights)
 
 
-def test_the_mean_is_of_thetas_after_two_thirds_of_the_horizon() -> None:
+@EACH
+def test_the_mean_is_of_the_tables_after_two_thirds_of_the_horizon(learner: str) -> None:
     """Played up to there, and one batch further each time."""
-    thetas: list[NDArray[Any]] = []
-    session = Session(parameters(seed=1, fbql_horizon=60, fbql_batch_episodes=4))
+    tables: list[NDArray[Any]] = []
+    session = Session(parameters(learner, seed=1, own_horizon=60, own_batch_episodes=4))
     while len(session.records) < 52:
         play(session, 4)
         if len(session.records) >= 40:
-            thetas.append(arrays_of(session)["theta"])
+            tables.append(arrays_of(session)[TABLE[learner]])
     arrays = arrays_of(session)
-    assert arrays["counts"].tolist()[2] == len(thetas) == 4
-    expected = np.zeros_like(arrays["theta"])
-    for theta in thetas:
-        expected[: len(theta)] += theta / 4
+    assert arrays["counts"].tolist()[2] == len(tables) == 4
+    expected = np.zeros_like(arrays[TABLE[learner]])
+    for table in tables:
+        expected[: len(table)] += table / 4
     assert arrays["mean"] == pytest.approx(expected, abs=1e-12)
 
 
@@ -354,7 +315,7 @@ def test_drawn_is_by_the_weights() -> None:
     policy = trained()
     ((_, weights), *_) = stay(frozen(policy, fbql_play="blended"), 1)
     drivers = Counter(
-        driver for driver, _ in stay(frozen(policy, fbql_play="drawn", fbql_hold_steps=1, fbql_patience=0), 4000)
+        driver for driver, _ in stay(frozen(policy, fbql_play="drawn", fbql_play_steps=1, fbql_patience=0), 4000)
     )
     assert 0.1 < weights[UP] < 0.9
     assert drivers[UP] / 4000 == pytest.approx(weights[UP], abs=0.03)
@@ -365,14 +326,15 @@ def test_the_longer_a_deadlock_lasts_the_more_alike_are_the_weights_that_are_dra
     sure = {name: 40.0 * policy.arrays[name] for name in ("theta", "mean")}
     policy = policy._replace(arrays={**policy.arrays, **sure})
     ((_, weights), *_) = stay(frozen(policy, fbql_play="blended"), 1)
-    drivers = [driver for driver, _ in stay(frozen(policy, fbql_hold_steps=1, fbql_patience=1), 4000)]
+    drivers = [driver for driver, _ in stay(frozen(policy, fbql_play_steps=1, fbql_patience=1), 4000)]
     assert min(weights) < 0.05
     assert drivers[1000:].count(UP) / 3000 == pytest.approx(0.5, abs=0.03)
 
 
+@EACH
 @pytest.mark.parametrize("patience", [1, 4])
-def test_who_decides_the_same_joint_state_too_often_begins_to_draw_there(patience: int) -> None:
-    session = frozen(trained(), fbql_patience=patience, fbql_hold_steps=2)
+def test_who_decides_the_same_joint_state_too_often_begins_to_draw_there(learner: str, patience: int) -> None:
+    session = frozen(trained(learner), own_patience=patience, own_play_steps=2)
     for _ in range(2):
         drivers = [driver for driver, _ in stay(session, 400)]
         assert len({*drivers[: 2 * patience]}) == 1
@@ -381,22 +343,24 @@ def test_who_decides_the_same_joint_state_too_often_begins_to_draw_there(patienc
 
 def test_patience_counts_each_joint_state_by_itself_and_0_is_without_end() -> None:
     policy = trained()
-    moving = stay(frozen(policy, fbql_patience=25, fbql_hold_steps=1), 400, lambda step: (step % 4, step // 4 % 4))
+    moving = stay(frozen(policy, fbql_patience=25, fbql_play_steps=1), 400, lambda step: (step % 4, step // 4 % 4))
     assert len({(k % 16, driver) for k, (driver, _) in enumerate(moving)}) == 16
-    assert len({*stay(frozen(policy, fbql_patience=0, fbql_hold_steps=1), 400)}) == 1
+    assert len({*stay(frozen(policy, fbql_patience=0, fbql_play_steps=1), 400)}) == 1
 
 
-def test_an_untrained_learner_draws_every_behavior_alike() -> None:
-    drivers = Counter(driver for driver, _ in stay(Session(parameters(fbql_hold_steps=1)), 2000))
+@EACH
+def test_an_untrained_learner_draws_every_behavior_alike(learner: str) -> None:
+    drivers = Counter(driver for driver, _ in stay(Session(parameters(learner, own_hold_steps=1)), 2000))
     assert drivers[UP] == pytest.approx(1000, abs=100)
 
 
 # What it learns from
 
 
-def test_a_decisions_reward_and_discount_are_those_of_the_steps_it_was_held_for() -> None:
+@EACH
+def test_a_decisions_reward_and_discount_are_those_of_the_steps_it_was_held_for(learner: str) -> None:
     session = Session(
-        parameters(seed=1, fbql_batch_episodes=1000, fbql_discount=0.5, fbql_hold_steps=3, reward_goal=8.0)
+        parameters(learner, seed=1, own_batch_episodes=1000, own_discount=0.5, own_hold_steps=3, reward_goal=8.0)
     )
     play(session, 28)
     assert not len(arrays_of(session)["waiting_lengths"]), "a batch was just learned from"
@@ -476,11 +440,16 @@ def test_a_robot_that_stands_still_for_many_episodes_leaves_v_within_the_rewards
 # What it did not see whole is not learned from
 
 
-def taught() -> Session:
-    """A session that has learned something, between two batches."""
-    session = Session(parameters(seed=1, fbql_batch_episodes=1000))
+@cache
+def _taught(learner: str) -> Policy:
+    session = Session(parameters(learner, seed=1, own_batch_episodes=1000))
     play(session, 30)
-    return session
+    return learned(session)
+
+
+def taught(learner: str) -> Session:
+    """A session that has learned something, between two batches."""
+    return Session(parameters(learner, seed=2, own_batch_episodes=1000), _taught(learner))
 
 
 def assert_not_learned_from(session: Session, spoilt: Callable[[], None]) -> None:
@@ -489,21 +458,24 @@ def assert_not_learned_from(session: Session, spoilt: Callable[[], None]) -> Non
     spoilt()
     after = arrays_of(session)
     assert session.records[-1].degraded or not session.records[-1].steps
-    m = len(before["theta"])
+    m = len(before["keys"])
     for name in ("counts", "waiting_lengths", "waiting_active", "waiting_reward"):
         assert np.array_equal(after[name], before[name])
-    assert np.array_equal(after["theta"][:m], before["theta"])
-    assert not after["theta"][m:].any()
-    assert np.array_equal(after["value"][:m], before["value"])
+    for name in {"theta", "value", "values"} & before.keys():
+        assert np.array_equal(after[name][:m], before[name])
+        assert not after[name][m:].any()
     play(session, 1)
     assert arrays_of(session)["counts"][0] == before["counts"][0] + 1
 
 
+@EACH
 @pytest.mark.parametrize("gone", [[0], [5], [5, 6, 7, 8, 9, 10], [19], [20]])
 @pytest.mark.parametrize("who", [[UP], [DOWN], [UP, DOWN]])
-def test_an_episode_with_a_missing_answer_is_played_and_not_learned_from(gone: list[int], who: list[int]) -> None:
+def test_an_episode_with_a_missing_answer_is_played_and_not_learned_from(
+    learner: str, gone: list[int], who: list[int]
+) -> None:
     """Fault 23: a behavior hangs. Whoever is there drives; where nobody is, the wheels stop."""
-    session = taught()
+    session = taught(learner)
 
     def spoilt() -> None:
         begun = session.next_episode()
@@ -521,10 +493,11 @@ def test_an_episode_with_a_missing_answer_is_played_and_not_learned_from(gone: l
     assert_not_learned_from(session, spoilt)
 
 
+@EACH
 @pytest.mark.parametrize("steps", [[0, 1, 3, 4, 5], [1, 2, 3], [0, 1, 2, 3, 90], [4]])
-def test_across_a_gap_nothing_is_learned(steps: list[int]) -> None:
+def test_across_a_gap_nothing_is_learned(learner: str, steps: list[int]) -> None:
     """Fault 12."""
-    session = taught()
+    session = taught(learner)
 
     def spoilt() -> None:
         begun = session.next_episode()
@@ -536,9 +509,10 @@ def test_across_a_gap_nothing_is_learned(steps: list[int]) -> None:
     assert_not_learned_from(session, spoilt)
 
 
-def test_across_a_clock_that_went_back_nothing_is_learned() -> None:
+@EACH
+def test_across_a_clock_that_went_back_nothing_is_learned(learner: str) -> None:
     """Fault 11: the simulator was started again, so the episode begins again."""
-    session = taught()
+    session = taught(learner)
 
     def spoilt() -> None:
         assert session.next_episode() is not None
@@ -555,21 +529,23 @@ def test_across_a_clock_that_went_back_nothing_is_learned() -> None:
     assert_not_learned_from(session, spoilt)
 
 
-def test_an_episode_that_is_asked_for_again_before_it_began_is_learned_from() -> None:
-    session = taught()
+@EACH
+def test_an_episode_that_is_asked_for_again_before_it_began_is_learned_from(learner: str) -> None:
+    session = taught(learner)
     before = arrays_of(session)["counts"][0]
     begun = session.next_episode()
     assert session.restart_episode() == begun
     for step in range(6):
         outputs: Answers = [answer("up", 1.0, 1, [0.3]), answer("down", -1.0, 2, [0.5, 0.5])]
-        session.decide(world_state(30, step, **(GOAL if step == 5 else {})), outputs)
+        session.decide(world_state(0, step, **(GOAL if step == 5 else {})), outputs)
     assert arrays_of(session)["counts"][0] == before + 1
 
 
+@EACH
 @pytest.mark.parametrize("change", [{"tree_hash": "other"}, {"leaf_count": 5}])
-def test_a_behavior_that_comes_back_with_another_tree_is_not_learned_from(change: dict[str, Any]) -> None:
+def test_a_behavior_that_comes_back_with_another_tree_is_not_learned_from(learner: str, change: dict[str, Any]) -> None:
     """Fault 22."""
-    session = taught()
+    session = taught(learner)
 
     def spoilt() -> None:
         begun = session.next_episode()
@@ -587,11 +563,14 @@ def test_a_behavior_that_comes_back_with_another_tree_is_not_learned_from(change
     assert session.rejections.trees == 6
 
 
+@EACH
 @pytest.mark.parametrize("begun_with", [0, 25])
 @pytest.mark.parametrize("observation", [(), (0.5,), (0.5, 0.5, 0.5), (nan, 0.5), (0.5, float("inf"))])
-def test_what_is_no_observation_is_not_learned_from(observation: tuple[float, ...], begun_with: int) -> None:
+def test_what_is_no_observation_is_not_learned_from(
+    learner: str, observation: tuple[float, ...], begun_with: int
+) -> None:
     """Before there are features, which would be made of it, and afterwards. The policy can be saved all the same."""
-    session = Session(parameters(seed=1))
+    session = Session(parameters(learner, seed=1, own_passes=1))
     play(session, begun_with)
 
     def spoilt(world: World, answers: Answers) -> Answers:
@@ -607,32 +586,35 @@ def test_what_is_no_observation_is_not_learned_from(observation: tuple[float, ..
     assert all(np.isfinite(array).all() for array in arrays.values())
 
 
-def test_an_episode_that_ends_at_once_is_no_experience() -> None:
-    session = taught()
+@EACH
+def test_an_episode_that_ends_at_once_is_no_experience(learner: str) -> None:
+    session = taught(learner)
 
     def spoilt() -> None:
         stay(session, 0)
 
     assert_not_learned_from(session, spoilt)
-    assert Session(parameters(), learned(session)).policy() is not None
+    assert Session(parameters(learner), learned(session)).policy() is not None
 
 
-def test_behaviors_that_tell_nothing_of_what_they_sense_are_told_apart_by_their_leaves() -> None:
+@EACH
+def test_behaviors_that_tell_nothing_of_what_they_sense_are_told_apart_by_their_leaves(learner: str) -> None:
     def silent(_: World, answers: Answers) -> Answers:
         return [x and x._replace(observation=()) for x in answers]
 
-    session = Session(parameters(seed=1))
+    session = Session(parameters(learner, seed=1))
     play(session, 120, silent)
     assert goals(session, 40) >= 0.9
 
 
-def test_who_is_told_nothing_at_all_goes_on_drawing_alike() -> None:
+@EACH
+def test_who_is_told_nothing_at_all_goes_on_drawing_alike(learner: str) -> None:
     nothing = {"fbql_leaf_pairs": False, "fbql_pair_tilings": 0, "fbql_joint_tilings": 0}
-    session = Session(parameters(seed=1, **nothing))
+    session = Session(parameters(learner, seed=1, **nothing))
     drivers = Counter(decision.driver for decision in play(session, 40))
     assert 0.4 < drivers[UP] / (drivers[UP] + drivers[DOWN]) < 0.6
-    assert arrays_of(session)["theta"].shape == (0, 2)
-    assert Session(parameters(**nothing), learned(session)).policy() is not None
+    assert len(arrays_of(session)[TABLE[learner]]) == 0
+    assert Session(parameters(learner, **nothing), learned(session)).policy() is not None
 
 
 def test_drivers_change_only_when_a_decision_is_over_or_a_behavior_is_gone() -> None:

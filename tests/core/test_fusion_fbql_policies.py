@@ -1,4 +1,4 @@
-"""Policies of FBQL (fault 43): one that does not fit is refused in one line, whatever array of it is wrong."""
+"""Policies of the learners that hold their decisions (fault 43): one that does not fit is refused in one line, whatever array of it is wrong."""
 
 from __future__ import annotations
 
@@ -12,94 +12,103 @@ from fbql_fusion.core.generator_state import generator_state, set_generator_stat
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session
 from fbql_fusion.policy_storage import policy_bytes, policy_from_bytes
+from held_learners import LEARNERS, TABLE
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from two_sides import DOWN, TwoSides, parameters, play
 
 Array = NDArray[Any]
+EACH = pytest.mark.parametrize("learner", LEARNERS)
 
 
 @cache
-def good() -> Policy:
+def good(learner: str) -> Policy:
     """A policy with everything in it: episodes that wait, and a mean that is under way."""
-    session = Session(parameters(seed=1, fbql_horizon=40))
+    session = Session(parameters(learner, seed=1, own_horizon=40))
     play(session, 39)
     policy = session.policy()
     assert policy is not None
     return policy_from_bytes(policy_bytes(policy), "good")
 
 
-NAMES = sorted(good().arrays)
-FLOATS = [name for name in NAMES if good().arrays[name].dtype == np.float64]
+NAMES = {learner: sorted(good(learner).arrays) for learner in LEARNERS}
+ARRAYS = [(learner, name) for learner, names in NAMES.items() for name in names]
+FLOATS = [(learner, name) for learner, name in ARRAYS if good(learner).arrays[name].dtype == np.float64]
+TABLES = [(learner, name) for learner, name in ARRAYS if good(learner).arrays[name].ndim == 2]
 
 
-def refusal(arrays: dict[str, Array], **changes: object) -> str:
+def refusal(learner: str, arrays: dict[str, Array], **changes: object) -> str:
     """The line with which a session refuses the good policy with these arrays instead."""
     with pytest.raises(BadInput) as error:
-        Session(parameters(**changes), good()._replace(arrays=arrays))
+        Session(parameters(learner, **changes), good(learner)._replace(arrays=arrays))
     assert "\n" not in str(error.value)
     return str(error.value)
 
 
-def with_array(name: str, array: Array) -> dict[str, Array]:
-    return {**good().arrays, name: array}
+def with_array(learner: str, name: str, array: Array) -> dict[str, Array]:
+    return {**good(learner).arrays, name: array}
 
 
-def changed(name: str, at: int, value: float) -> dict[str, Array]:
+def changed(learner: str, name: str, at: int, value: float) -> dict[str, Array]:
     """With one number changed."""
-    array = good().arrays[name].copy()
+    array = good(learner).arrays[name].copy()
     array.flat[at] = value
-    return with_array(name, array)
+    return with_array(learner, name, array)
 
 
-def test_the_good_policy_is_taken_and_comes_back_bit_for_bit() -> None:
-    policy = good()
+@EACH
+def test_the_good_policy_is_taken_and_comes_back_bit_for_bit(learner: str) -> None:
+    policy = good(learner)
     assert all(array.size for array in policy.arrays.values())
     assert policy.arrays["counts"].min() > 0
-    again = Session(parameters(fbql_horizon=40), policy).policy()
+    again = Session(parameters(learner, own_horizon=40), policy).policy()
     assert again is not None
     assert policy_bytes(again) == policy_bytes(policy)
 
 
-def test_an_untrained_policy_is_taken_too() -> None:
-    session = Session(parameters())
+@EACH
+def test_an_untrained_policy_is_taken_too(learner: str) -> None:
+    session = Session(parameters(learner))
     play(session, 1)
     policy = session.policy()
     assert policy is not None
-    again = Session(parameters(), policy).policy()
+    again = Session(parameters(learner), policy).policy()
     assert again is not None
     assert policy_bytes(again) == policy_bytes(policy)
 
 
-def test_a_policy_without_episodes_that_wait_is_taken() -> None:
-    session = Session(parameters(seed=1))
+@EACH
+def test_a_policy_without_episodes_that_wait_is_taken(learner: str) -> None:
+    session = Session(parameters(learner, seed=1))
     play(session, 24)
     policy = session.policy()
     assert policy is not None
     assert policy.arrays["waiting_active"].shape == (0, 0)
-    assert Session(parameters(), policy).policy() is not None
+    assert Session(parameters(learner), policy).policy() is not None
 
 
 # Every array
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_missing_array_is_named(name: str) -> None:
-    arrays = {other: array for other, array in good().arrays.items() if other != name}
-    assert f"no array '{name}'" in refusal(arrays)
+@pytest.mark.parametrize(("learner", "name"), ARRAYS)
+def test_a_missing_array_is_named(learner: str, name: str) -> None:
+    arrays = {other: array for other, array in good(learner).arrays.items() if other != name}
+    assert f"no array '{name}'" in refusal(learner, arrays)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("learner", "name"), ARRAYS)
 @pytest.mark.parametrize("dtype", ["int8", "int32", "int64", "uint64", "float16", "float32", "float64", "bool"])
-def test_an_array_of_another_type_is_named(name: str, dtype: str) -> None:
-    array = good().arrays[name]
+def test_an_array_of_another_type_is_named(learner: str, name: str, dtype: str) -> None:
+    array = good(learner).arrays[name]
     if array.dtype != dtype:
         with np.errstate(over="ignore", invalid="ignore"):
-            assert f"'{name}' is {dtype}" in refusal(with_array(name, np.zeros_like(array, dtype=dtype)))
+            assert f"'{name}' is {dtype}" in refusal(
+                learner, with_array(learner, name, np.zeros_like(array, dtype=dtype))
+            )
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("learner", "name"), ARRAYS)
 @pytest.mark.parametrize(
     "shape",
     [
@@ -112,31 +121,31 @@ def test_an_array_of_another_type_is_named(name: str, dtype: str) -> None:
     ],
     ids=["a row less", "none", "a row more", "a dimension more", "one behind", "one number"],
 )
-def test_an_array_of_another_shape_is_refused(name: str, shape: Any) -> None:
-    assert "the policy's array" in refusal(with_array(name, shape(good().arrays[name])))
+def test_an_array_of_another_shape_is_refused(learner: str, name: str, shape: Any) -> None:
+    assert "the policy's array" in refusal(learner, with_array(learner, name, shape(good(learner).arrays[name])))
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if good().arrays[name].ndim == 2])
+@pytest.mark.parametrize(("learner", "name"), TABLES)
 @pytest.mark.parametrize(
     "columns", [lambda a: a[:, :-1], lambda a: np.concatenate([a, a[:, -1:]], axis=1), lambda a: a.T]
 )
-def test_a_table_with_other_columns_is_refused(name: str, columns: Any) -> None:
-    assert "the policy's array" in refusal(with_array(name, columns(good().arrays[name]).copy()))
+def test_a_table_with_other_columns_is_refused(learner: str, name: str, columns: Any) -> None:
+    table = columns(good(learner).arrays[name]).copy()
+    assert "the policy's array" in refusal(learner, with_array(learner, name, table))
 
 
-@pytest.mark.parametrize("name", FLOATS)
+@pytest.mark.parametrize(("learner", "name"), FLOATS)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_value_that_is_not_finite_is_refused(name: str, value: float) -> None:
-    size = good().arrays[name].size
+def test_a_value_that_is_not_finite_is_refused(learner: str, name: str, value: float) -> None:
+    size = good(learner).arrays[name].size
     for at in {0, size // 2, size - 1}:
-        assert f"'{name}' has a value that is not finite" in refusal(changed(name, at, value))
+        assert f"'{name}' has a value that is not finite" in refusal(learner, changed(learner, name, at, value))
 
 
 OUTSIDE = [
     ("counts", 0, -1),
     ("counts", 1, -1),
     ("counts", 2, -1),
-    ("counts", 0, 0),  # updates without episodes
     ("counts", 1, 0),  # a mean without updates
     ("counts", 2, 51),
     ("generator", 3, 2),  # an even increment
@@ -148,7 +157,7 @@ OUTSIDE = [
     ("offsets", 0, -0.1),
     ("offsets", 0, 1.1),
     ("waiting_active", 0, -1),
-    ("waiting_active", 7, good().arrays["keys"].size),
+    ("waiting_active", 7, 10**6),
     ("waiting_chance", 0, 0.0),
     ("waiting_chance", 0, -0.5),
     ("waiting_chance", 0, 1.5),
@@ -162,29 +171,44 @@ OUTSIDE = [
 ]
 
 
+@EACH
 @pytest.mark.parametrize(("name", "at", "value"), OUTSIDE)
-def test_a_number_that_cannot_be_is_refused(name: str, at: int, value: float) -> None:
-    line = refusal(changed(name, at, value))
+def test_a_number_that_cannot_be_is_refused(learner: str, name: str, at: int, value: float) -> None:
+    line = refusal(learner, changed(learner, name, at, value))
     assert "the policy's array" in line
     assert name in line or name == "lengths"
 
 
-def test_a_feature_that_is_there_twice_is_refused() -> None:
-    keys = good().arrays["keys"]
-    assert "a feature twice" in refusal(with_array("keys", np.concatenate([keys[:-1], keys[:1]])))
+def test_updates_without_episodes_are_refused_where_only_episodes_that_are_not_guided_make_one() -> None:
+    assert "the policy's array 'counts'" in refusal("fbql", changed("fbql", "counts", 0, 0))
+    assert Session(parameters("fbql_value"), good("fbql_value")._replace(arrays=changed("fbql_value", "counts", 0, 0)))
 
 
-def test_the_lengths_of_the_episodes_that_wait_must_sum_to_their_decisions() -> None:
-    lengths = good().arrays["waiting_lengths"].copy()
+@EACH
+def test_a_feature_that_is_not_there_is_not_active(learner: str) -> None:
+    outside = changed(learner, "waiting_active", 7, good(learner).arrays["keys"].size)
+    assert "the policy's array 'waiting_active'" in refusal(learner, outside)
+
+
+@EACH
+def test_a_feature_that_is_there_twice_is_refused(learner: str) -> None:
+    keys = good(learner).arrays["keys"]
+    twice = with_array(learner, "keys", np.concatenate([keys[:-1], keys[:1]]))
+    assert "a feature twice" in refusal(learner, twice)
+
+
+@EACH
+def test_the_lengths_of_the_episodes_that_wait_must_sum_to_their_decisions(learner: str) -> None:
+    lengths = good(learner).arrays["waiting_lengths"].copy()
     lengths[0] += 1
-    assert "waiting_" in refusal(with_array("waiting_lengths", lengths))
+    assert "waiting_" in refusal(learner, with_array(learner, "waiting_lengths", lengths))
 
 
 @given(st.data())
 def test_no_change_ends_in_another_error_and_what_is_taken_is_as_it_was_given(data: st.DataObject) -> None:
     """Any number of any array: it is refused in one line, or it can be played with and is saved as it was given."""
-    name = data.draw(st.sampled_from(NAMES))
-    array = good().arrays[name].copy()
+    learner, name = data.draw(st.sampled_from(ARRAYS))
+    array = good(learner).arrays[name].copy()
     at = data.draw(st.integers(0, array.size - 1))
     if array.dtype == np.bool_:
         array.flat[at] = not array.flat[at]
@@ -194,7 +218,7 @@ def test_no_change_ends_in_another_error_and_what_is_taken_is_as_it_was_given(da
         info = np.iinfo(array.dtype)
         array.flat[at] = data.draw(st.integers(int(info.min), int(info.max)) | st.integers(0, 300))
     try:
-        session = Session(parameters(), good()._replace(arrays=with_array(name, array)))
+        session = Session(parameters(learner), good(learner)._replace(arrays=with_array(learner, name, array)))
     except BadInput as error:
         assert "\n" not in str(error)
         return
@@ -207,6 +231,7 @@ def test_no_change_ends_in_another_error_and_what_is_taken_is_as_it_was_given(da
 # Of something else
 
 
+@EACH
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
@@ -218,43 +243,59 @@ def test_no_change_ends_in_another_error_and_what_is_taken_is_as_it_was_given(da
         ({"fbql_pair_tilings": 5, "fbql_joint_tilings": 3}, "fbql_pair_tilings 4"),
     ],
 )
-def test_a_policy_of_another_resolution_is_refused(changes: dict[str, int], reason: str) -> None:
-    assert reason in refusal(dict(good().arrays), **changes)
+def test_a_policy_of_another_resolution_is_refused(learner: str, changes: dict[str, int], reason: str) -> None:
+    assert reason in refusal(learner, dict(good(learner).arrays), **changes)
 
 
-def test_a_policy_that_knows_a_mirror_is_refused_without_one() -> None:
-    signed = with_array("signed", np.ones_like(good().arrays["signed"]))
-    assert Session(parameters(fbql_mirror=True), good()._replace(arrays=signed)).policy() is not None
-    assert "fbql_mirror" in refusal(signed)
+@EACH
+def test_a_policy_that_knows_a_mirror_is_refused_without_one(learner: str) -> None:
+    signed = with_array(learner, "signed", np.ones_like(good(learner).arrays["signed"]))
+    mirrored = good(learner)._replace(arrays=signed)
+    assert Session(parameters(learner, fbql_mirror=True), mirrored).policy() is not None
+    assert "fbql_mirror" in refusal(learner, signed)
 
 
+@EACH
 @pytest.mark.parametrize(
     ("changes", "given_", "reason"),
     [
         ({"kind": "fbql_literal"}, {}, "of controller 'fbql_literal'"),
-        ({}, {"controller": "fbql_literal"}, "of controller 'fbql'"),
+        ({}, {"controller": "fbql_literal"}, "of controller '{learner}'"),
         ({}, {"controller": "uniform"}, "takes no policy"),
         ({"behaviors": ("down", "up")}, {}, "in this order"),
         ({}, {"behaviors": ["up", "down", "third"]}, "the behaviors here are up, down, third"),
     ],
 )
 def test_a_policy_of_another_controller_or_other_behaviors_is_refused(
-    changes: dict[str, Any], given_: dict[str, Any], reason: str
+    learner: str, changes: dict[str, Any], given_: dict[str, Any], reason: str
 ) -> None:
-    with pytest.raises(BadInput, match=reason):
-        Session(parameters(**given_), good()._replace(**changes))
+    with pytest.raises(BadInput, match=reason.format(learner=learner)):
+        Session(parameters(learner, **given_), good(learner)._replace(**changes))
 
 
-def test_arrays_of_another_number_of_behaviors_are_refused() -> None:
-    three = good()._replace(behaviors=("up", "down", "third"), tree_hashes=("a",) * 3, leaf_counts=(4,) * 3)
+def test_neither_learner_takes_a_policy_of_the_other() -> None:
+    for own, other in (LEARNERS, LEARNERS[::-1]):
+        with pytest.raises(BadInput, match=f"of controller '{other}', not of '{own}'"):
+            Session(parameters(own), good(other))
+        renamed = good(other)._replace(kind=own)
+        with pytest.raises(BadInput, match=f"no array '{TABLE[own]}'"):
+            Session(parameters(own), renamed)
+
+
+@EACH
+def test_arrays_of_another_number_of_behaviors_are_refused(learner: str) -> None:
+    three = good(learner)._replace(behaviors=("up", "down", "third"), tree_hashes=("a",) * 3, leaf_counts=(4,) * 3)
     with pytest.raises(BadInput, match="'lengths' is int64"):
-        Session(parameters(behaviors=["up", "down", "third"]), three)
+        Session(parameters(learner, behaviors=["up", "down", "third"]), three)
 
 
+@EACH
 @pytest.mark.parametrize("change", [{"tree_hash": "other"}, {"leaf_count": 5}])
 @pytest.mark.parametrize("learn", [True, False])
-def test_a_policy_of_other_trees_is_refused_at_the_first_answer(change: dict[str, Any], learn: bool) -> None:
-    session, task = Session(parameters(learn=learn), good()), TwoSides()
+def test_a_policy_of_other_trees_is_refused_at_the_first_answer(
+    learner: str, change: dict[str, Any], learn: bool
+) -> None:
+    session, task = Session(parameters(learner, learn=learn), good(learner)), TwoSides()
     begun = session.next_episode()
     assert begun is not None
     world, outputs = task.reset(*begun), task.answers()

@@ -7,6 +7,7 @@ starts: who always takes the same behavior, or draws one, scores in half of the 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -22,18 +23,25 @@ Answers = list[BehaviorOutput | None]
 Heard = Callable[[World, Answers], Answers]
 
 
-def parameters(**changes: object) -> FusionParameters:
-    """FBQL for this task: it has no mirror, and is learned in few episodes."""
+def parameters(learner: str = "fbql", **changes: object) -> FusionParameters:
+    """A learner for this task: it has no mirror, and is learned in few episodes.
+
+    Args:
+        learner: `fbql` or `fbql_value`.
+        changes: parameters; `own_` stands for the learner's name, so that `own_hold_steps` is a parameter of each.
+    """
     values: dict[str, object] = {
-        "controller": "fbql",
+        "controller": learner,
         "behaviors": list(BEHAVIORS),
         "layers": list(BEHAVIORS),
         "guided": 0,
         "fbql_mirror": False,
-        "fbql_hold_steps": 3,
-        "fbql_horizon": 300,
+        "own_hold_steps": 3,
+        "own_play_steps": 3,
+        "own_horizon": 300,
     }
-    return FusionParameters(**(values | changes))  # pyright: ignore[reportArgumentType]
+    given = {re.sub(r"^own_", f"{learner}_", name): value for name, value in (values | changes).items()}
+    return FusionParameters(**given)  # pyright: ignore[reportArgumentType]
 
 
 def world_state(episode: int, step: int, **changes: object) -> World:

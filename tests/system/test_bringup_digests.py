@@ -14,6 +14,7 @@ CONTROLLERS = {
     "fbql_literal": ["--episodes", "2", "--guided", "2", "--max-steps", "700"],
     # Guided episodes that the features are made of, then a batch of episodes that is learned from.
     "fbql": ["--episodes", "4", "--guided", "1", "--max-steps", "400"],
+    "fbql_value": ["--episodes", "4", "--guided", "1", "--max-steps", "400"],
 }
 
 
