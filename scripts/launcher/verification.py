@@ -202,7 +202,7 @@ def _compared(codec: MessageCodec[Any], value: Any, recorded: bytes) -> _Differs
     if codec.is_ours and codec.encode(value) == recorded:
         return None
     there = codec.decode(recorded)
-    names = sorted(value._fields, key=lambda name: _FIRST.get(name, len(_FIRST)))
+    names = sorted(set(value._fields) - codec.missing, key=lambda name: _FIRST.get(name, len(_FIRST)))
     for name in names:
         was, is_now = getattr(there, name), getattr(value, name)
         if _bits(was) != _bits(is_now):
@@ -213,7 +213,18 @@ def _compared(codec: MessageCodec[Any], value: Any, recorded: bytes) -> _Differs
 _FIRST: Mapping[str, int] = {
     name: rank
     for rank, name in enumerate(
-        ("observation", "leaf_id", "left_rad_s", "right_rad_s", "joint_state", "reward", "q", "weights", "driver")
+        (
+            "observation",
+            "leaf_id",
+            "left_rad_s",
+            "right_rad_s",
+            "joint_state",
+            "reward",
+            "q",
+            "learned_weights",
+            "weights",
+            "driver",
+        )
     )
 }
 

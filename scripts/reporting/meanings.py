@@ -8,11 +8,11 @@ CONTROLLERS = {
     "fbql_literal": "All behaviors drive together: the command is the sum of their references, each times its weight. The "
     "weights belong to the joint state (the leaves of all behaviors) and change by the paper's equations 5 and 6.",
     "fbql": "One behavior drives alone for some steps (fbql_hold_steps); it is chosen by learned weights, which depend on "
-    "the joint state (the leaves of all behaviors) and on what is sensed. Recorded is the choice: weight 1 for who drives. "
-    "It learns no Q.",
+    'the joint state (the leaves of all behaviors) and on what is sensed. "weight" is the choice: 1 for who drives. It '
+    "learns no Q.",
     "fbql_value": "One behavior drives alone for some steps (fbql_value_hold_steps); it is chosen by weights that follow Q, the "
     "learned value of each behavior, which depends on the joint state (the leaves of all behaviors) and on what is sensed. "
-    "Recorded is the choice: weight 1 for who drives.",
+    '"weight" is the choice: 1 for who drives.',
 }
 """By the name that a decision carries."""
 

@@ -283,6 +283,21 @@ def test_held_is_whose_weight_is_the_largest_and_blended_are_all_of_them(learner
 
 
 @EACH
+def test_a_decision_tells_the_learned_weights_by_which_its_driver_was_chosen(learner: str) -> None:
+    policy = trained(learner)
+    held = play(frozen(policy, own_play="held", own_play_steps=1, own_patience=0), 8)
+    blended = play(frozen(policy, own_play="blended", own_patience=0), 8)
+    assert len(held) > 20
+    assert len(blended) > 20
+    for decision in held[:-1]:
+        assert sum(decision.learned_weights) == pytest.approx(1.0)
+        if decision.driver != DRIVER_BLEND:
+            assert decision.driver == decision.learned_weights.index(max(decision.learned_weights))
+    assert len({decision.learned_weights for decision in held}) > 20
+    assert all(decision.learned_weights == decision.weights for decision in blended)
+
+
+@EACH
 @pytest.mark.parametrize("averaged", [0, 1])
 def test_what_is_frozen_plays_by_the_mean_as_soon_as_there_is_one(learner: str, averaged: int) -> None:
     policy = trained(learner)

@@ -10,6 +10,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.field import MAX_WHEEL_RAD_S
 from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Decision, Phase, WheelCommand, World
 from fbql_fusion.core import session as session_module
+from fbql_fusion.core.controllers import Selection
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.session import Session, episode_seed
 
@@ -205,7 +206,7 @@ def test_subsumption_lets_one_behavior_drive_and_says_which():
     assert command == (1, 0, 0, 10.0, 0.0)
     assert decision == (
         1, 0, 0, "subsumption", Phase.EVALUATION, ("ball_seeking", "wall_avoiding", "approaching"),
-        (4, 5, 6), (), (1.0, 0.0, 0.0), 0, 0.0, False,
+        (4, 5, 6), (), (1.0, 0.0, 0.0), 0, 0.0, False, (),
     )  # fmt: skip
 
 
@@ -506,8 +507,8 @@ def test_weights_that_are_none_give_way_to_uniform_ones_and_are_counted(weights,
         def begin_episode(self, phase: Phase) -> None:
             pass
 
-        def select(self, *_: object) -> tuple[tuple[float, ...], int, tuple[float, ...]]:
-            return weights, DRIVER_BLEND, ()
+        def select(self, *_: object) -> Selection:
+            return weights, DRIVER_BLEND, (), ()
 
     monkeypatch.setattr(session_module, "make_controller", lambda _: Broken())
     session = Session(FusionParameters())

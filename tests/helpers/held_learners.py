@@ -73,7 +73,7 @@ def live(learner: Fbql | FbqlValue, numbers: range, phase: Phase) -> None:
             if before is not None:
                 reward = 10.0 * world.goal - 10.0 * world.own_goal
                 learner.learn(Transition(*before, reward, joint_state, world.terminated, world.truncated))
-            weights, driver, _ = learner.select(world, joint_state, outputs)
+            weights, driver, _, _ = learner.select(world, joint_state, outputs)
             if phase is Phase.GUIDED:
                 weights, driver = up_always
             before = joint_state, weights, driver

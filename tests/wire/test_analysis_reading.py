@@ -15,8 +15,12 @@ import pytest
 import yaml
 import zstandard
 from fbql_analysis import Corrupt, Run, open_run
+from fbql_analysis.core.decoding import MessageCodec
+from fbql_analysis.core.ros2msg import fields_of
 from fbql_analysis.mcap_file import MAX_RECORD_BYTES
+from fbql_common.core.cdr import Codec
 from fbql_common.core.errors import BadInput
+from fbql_common.core.types import Decision
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 from recorded_match import record_match
@@ -250,6 +254,24 @@ def test_a_message_of_another_version_is_decoded_by_its_own_schema(recorded, tmp
     run = open_run(recorded_by_others(recorded, tmp_path / "x.mcap", schema=swapped))
     for theirs, ours in zip(run.steps(), open_run(recorded).steps(), strict=True):
         assert theirs.command[3:] == (ours.command.right_rad_s, ours.command.left_rad_s)
+
+
+def test_a_decision_from_before_the_learned_weights_has_none_of_them(recorded):
+    run = open_run(recorded)
+    schema = run.topics["/fusion/decision"].schema
+    older = "\n".join(line for line in schema.splitlines() if "learned_weights" not in line)
+    name = "fbql_msgs/msg/FusionDecision"
+    bytes_of = Codec([field.kind for field in fields_of(name, older)])
+    codec = MessageCodec[Decision](name, older)
+    assert codec.missing == {"learned_weights"}
+    decisions = [step.decision for step in run.steps()]
+    assert len(decisions) > 3
+    for decision in decisions:
+        header = (decision.stamp_ns // 10**9, decision.stamp_ns % 10**9, "field")
+        data = bytes_of.encode((*header, *decision[1:-1]))
+        assert codec.decode(data) == decision._replace(learned_weights=())
+        with pytest.raises(TypeError, match="other fields"):
+            codec.encode(decision)
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def messages() -> list[WorldState | BehaviorOutput | WheelCommand | FusionDecisi
         WheelCommand(header=HEADER, episode=3, step=4, left_rad_s=-88.0, right_rad_s=88.0),
         FusionDecision(
             header=HEADER, episode=3, step=4, controller="fbql", phase=1, behaviors=["a", "bc"], joint_state=[7, -1],
-            q=[0.5, -0.5], weights=[1.0, 0.0], driver=-1, reward=-5.0, degraded=True,
+            q=[0.5, -0.5], weights=[1.0, 0.0], driver=-1, reward=-5.0, degraded=True, learned_weights=[0.75, 0.25],
         ),
     ]  # fmt: skip
 

@@ -45,6 +45,7 @@ DECISIONS = st.builds(
     st.integers(-1, 3),
     FINITE,
     st.booleans(),
+    st.lists(FINITE, max_size=4).map(tuple),
 )
 PAIRS = [
     (WORLDS, wire.encode_world, wire.decode_world),
@@ -56,7 +57,7 @@ PAIRS = [
 WORLD = World(1_234_567_890, 3, 17, -1.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, *[True, False] * 3)
 OUTPUT = BehaviorOutput(5, 1, 2, "ball_seeking", 1.0, 2.0, 3, 110, "ab" * 32, True, (0.5, 0.25))
 COMMAND = WheelCommand(5, 1, 2, 1.5, -2.5)
-DECISION = Decision(5, 1, 2, "fbql", 1, ("a", "b"), (1, 2), (0.1, 0.2), (0.3, 0.7), 1, -5.0, True)
+DECISION = Decision(5, 1, 2, "fbql", 1, ("a", "b"), (1, 2), (0.1, 0.2), (0.3, 0.7), 1, -5.0, True, (0.4, 0.6))
 
 
 @pytest.mark.parametrize(("values", "encode", "decode"), PAIRS)

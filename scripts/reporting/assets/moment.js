@@ -80,6 +80,15 @@ function meaning(behavior, step) {
   return features.filter(([, , , means]) => means).map(([name, , , means]) => `${name.replaceAll("_", " ")}: ${means}.`).join(" ");
 }
 
+/** How sure the learner was of its choice; nothing where it did not learn, or the guide chose. */
+function choice(driver, step) {
+  const learned = run.behaviors.map((_, k) => value(`learned_weights.${k}`, step));
+  if (run.phases[place("phase", step)] === "guided" || learned.includes(null)) return "";
+  const weights = learned.map((weight, k) => `${signOf(k)} ${number(100 * weight, 1)} %`).join(", ");
+  const most = learned[driver] === Math.max(...learned) ? "which had the most weight" : "drawn";
+  return `, ${most} of what was learned for this situation (${weights})`;
+}
+
 /** Why the command is what it is, in words. */
 function why(step) {
   if (!flag("has_decision", step)) return "What was decided here is not in the recording.";
@@ -90,7 +99,7 @@ function why(step) {
   if (driver !== null) {
     const found = rule(driver, step);
     const reason = found === null ? ruleText(driver, step) : `its rule there: ${found[0]} → ${found[1]}`;
-    return `${signOf(driver)} ${run.behaviors[driver]} drives alone${guided}; ${reason}. So the robot is told: ${motion}.`;
+    return `${signOf(driver)} ${run.behaviors[driver]} drives alone${guided}${choice(driver, step)}; ${reason}. So the robot is told: ${motion}.`;
   }
   const order = run.behaviors.map((_, k) => k).filter((k) => value(`weights.${k}`, step) > 0);
   if (!order.length) return `Nobody drives: no behavior has any weight. So the robot is told: ${motion}.`;
@@ -152,7 +161,9 @@ class Moment {
       const count = run.trees[place(`tree.${k}`, step)]?.leaves.length;
       card.drives.textContent = place("driver", step) === k ? "drives" : "";
       card.bar.style.width = `${100 * Math.min(1, Math.max(0, weight ?? 0))}%`;
-      card.share.textContent = `weight ${number(weight, 4)}`;
+      const learned = value(`learned_weights.${k}`, step);
+      const told = learned !== null && learned !== weight;
+      card.share.textContent = `weight ${number(weight, 4)}${told ? `, learned ${number(learned, 4)}` : ""}`;
       card.rule.textContent = ruleText(k, step) + (flag(`clamped.${k}`, step) ? " (outside of its tree: the nearest leaf)" : "");
       card.observed.textContent = `senses: ${sensed(k, step)}`;
       card.means.textContent = meaning(k, step) || "What these words mean is not in the recording.";

@@ -94,14 +94,14 @@ class Timelines {
     };
     const names = run.behaviors.map((name, k) => `${signOf(k)} ${name}`).join("  ");
     this.within = [
-      new Strip(inEpisode, `Weights (stacked): ${names}`, 110, (strip) => this.weights(strip), within),
+      new Strip(inEpisode, `${TITLES[told()]} (stacked): ${names}`, 110, (strip) => this.weights(strip), within),
       new Strip(inEpisode, "Rewards, and ▼ collisions", 84, (strip) => this.rewards(strip), within),
     ];
     if (columns.has("q.0") && columns.get("q.0").floats.some((q) => !Number.isNaN(q)))
       this.within.push(new Strip(inEpisode, "Q of each behavior", 84, (strip) => this.q(strip), within));
     const bars = (name) => (strip) => this.bars(strip, name);
     this.among = [
-      new Strip(inRun, `Weights, mean of each episode (stacked): ${names}`, 110, (strip) => this.meanWeights(strip), among),
+      new Strip(inRun, `${TITLES[told()]}, mean of each episode (stacked): ${names}`, 110, (strip) => this.meanWeights(strip), among),
       new Strip(inRun, "Reward: sum of each episode", 84, bars("return"), among),
       new Strip(inRun, "Steps of each episode: ● goal, ✕ own goal, ◆ time limit, – no end recorded", 110, (strip) => this.steps(strip), among),
       new Strip(inRun, "Collisions of each episode", 84, bars("collisions"), among),
@@ -129,7 +129,7 @@ class Timelines {
     const bins = Math.min(count, Math.floor(strip.inner));
     for (let bin = 0; bin < bins; bin++) {
       const [from, to] = [Math.floor((bin * count) / bins), Math.floor(((bin + 1) * count) / bins)];
-      stack(strip, strip.x(bin / bins), strip.x((bin + 1) / bins), mean("weights", first + from, first + to), fills);
+      stack(strip, strip.x(bin / bins), strip.x((bin + 1) / bins), mean(told(), first + from, first + to), fills);
     }
     strip.canvas.setAttribute("aria-label", `Weights over the ${count} steps of episode ${this.episode.index}`);
   }
@@ -239,8 +239,16 @@ class Timelines {
   }
 }
 
+const TITLES = { weights: "Weights", learned_weights: "Learned weights" };
+
 function meanWeights(episode) {
-  return mean("weights", episode.first, episode.first + episode.count);
+  return mean(told(), episode.first, episode.first + episode.count);
+}
+
+/** The weights that tell why: those that were learned, where there are some; else those that made the command. */
+function told() {
+  const learned = columns.get("learned_weights.0");
+  return learned !== undefined && learned.whole.some((weight) => weight !== NOT_AVAILABLE) ? "learned_weights" : "weights";
 }
 
 /** The means of a column of each behavior over some steps; 0 where nothing is known. */

@@ -50,7 +50,8 @@ class Status:
             "steps_per_s": f"{rate:.0f}",
             "dropped": str(sum(source.dropped for source in self._inputs)),
             "weights": " ".join(
-                f"{name} {weight:.2f}" for name, weight in zip(decision.behaviors, decision.weights, strict=True)
+                f"{name} {weight:.2f}"
+                for name, weight in zip(decision.behaviors, decision.learned_weights or decision.weights, strict=True)
             ),
         }
         status = DiagnosticStatus(

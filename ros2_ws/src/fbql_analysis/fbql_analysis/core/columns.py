@@ -105,6 +105,7 @@ def _decisions(steps: Sequence[Step], n: int) -> Columns:
         ).reshape(-1, n),
         "q": _floats([_of_n(None if d is None else d.q, n, nothing) for d in decisions], n),
         "weights": _floats([_of_n(None if d is None else d.weights, n, nothing) for d in decisions], n),
+        "learned_weights": _floats([_of_n(None if d is None else d.learned_weights, n, nothing) for d in decisions], n),
     }
 
 

@@ -55,8 +55,12 @@ class MessageCodec[T]:
         places = _places(self.kind, fields, type_name)
         self.is_ours = places == list(range(len(fields)))
         """Whether the recorded message has our fields, in our order, and no others: only then can it be encoded."""
-        self._pick = None if self.is_ours else places
         kind: Any = self.kind
+        names: Sequence[str] = kind._fields
+        self.missing = frozenset(name for name, place in zip(names[1:], places[3:], strict=True) if place is None)
+        """Fields that the recorded message has not, because it is older than they are: they get their defaults."""
+        self._pick = None if self.is_ours else [place for place in places if place is not None]
+        self._defaults = [kind._field_defaults[name] for name in names if name in self.missing]
         self._make: Callable[[Sequence[Any]], T] = kind._make
 
     def decode(self, data: bytes) -> T:
@@ -67,7 +71,7 @@ class MessageCodec[T]:
         """
         values: list[Any] = self._codec.decode(data)
         if self._pick is not None:
-            values = [values[place] for place in self._pick]
+            values = [values[place] for place in self._pick] + self._defaults
         sec, nanosec, frame = values[:3]
         if sec < 0 or nanosec >= NS:
             raise Malformed(f"the stamp ({sec} s, {nanosec} ns) is no time")
@@ -84,14 +88,20 @@ class MessageCodec[T]:
         return self._codec.encode((values[0] // NS, values[0] % NS, FIELD_FRAME, *values[1:]))
 
 
-def _places(kind: type[Any], fields: Sequence[Field], type_name: str) -> list[int]:
-    """Where each field of a domain type stands in the recorded message, the header's three first."""
+def _places(kind: type[Any], fields: Sequence[Field], type_name: str) -> list[int | None]:
+    """Where each field of a domain type stands in the recorded message, the header's three first.
+
+    Those with a default, which stand last, may be missing: None.
+    """
     there = {field.name: index for index, field in enumerate(fields)}
     hints = get_type_hints(kind)
     wanted: list[tuple[str, Any]] = list(zip(_HEADER, (int, int, str), strict=True))
     wanted += [(name, hints[name]) for name in kind._fields[1:]]
-    places: list[int] = []
+    places: list[int | None] = []
     for name, hint in wanted:
+        if name not in there and name in kind._field_defaults:
+            places.append(None)
+            continue
         if name not in there:
             raise BadInput(f"the schema recorded for {type_name} lacks the field {name}, which is needed")
         recorded = fields[there[name]].kind

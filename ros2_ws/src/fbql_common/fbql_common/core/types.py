@@ -104,3 +104,5 @@ class Decision(NamedTuple):
     driver: int
     reward: float
     degraded: bool
+    learned_weights: tuple[float, ...] = ()
+    """Recordings made before it was there have none."""

@@ -19,8 +19,12 @@ from fbql_fusion.core.joint_state import JointState, JointStateTable
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.subsumption import driver_of, layers_of
 
-Selection = tuple[tuple[float, ...], int, tuple[float, ...]]
-"""(weights, driver, q): length n; an index or DRIVER_BLEND; length n, or empty where nothing is learned."""
+Selection = tuple[tuple[float, ...], int, tuple[float, ...], tuple[float, ...]]
+"""(weights, driver, q, learned weights): length n; an index or DRIVER_BLEND; length n, or empty where nothing is learned;
+length n, or empty where the controller does not learn.
+
+The learned weights are w(s, B_i) as the learner has them, also where one behavior drives alone, chosen by them.
+"""
 
 
 class Transition(NamedTuple):
@@ -97,7 +101,7 @@ class Subsumption:
     def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
         """Weight 1 for the driver. Nobody drives where no layer's behavior answered."""
         driver = driver_of(self._layers, world, outputs)
-        return (self._alone[driver] if driver >= 0 else self._nobody), driver, ()
+        return (self._alone[driver] if driver >= 0 else self._nobody), driver, (), ()
 
 
 class Uniform:
@@ -105,7 +109,7 @@ class Uniform:
 
     def __init__(self, parameters: FusionParameters) -> None:
         n = len(parameters.behaviors)
-        self._selection: Selection = ((1.0 / n,) * n, DRIVER_BLEND, ())
+        self._selection: Selection = ((1.0 / n,) * n, DRIVER_BLEND, (), ())
 
     def begin_episode(self, phase: Phase) -> None:
         """Nothing changes."""
@@ -146,9 +150,9 @@ class FbqlLiteral:
     def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
         """The joint state's own weights. A joint state with a leaf missing is none: every behavior weighs the same."""
         if NO_LEAF in joint_state:
-            return self._table.fresh[1], DRIVER_BLEND, ()
+            return self._table.fresh[1], DRIVER_BLEND, (), ()
         q, weights = self._table.row(joint_state)
-        return weights, DRIVER_BLEND, q
+        return weights, DRIVER_BLEND, q, weights
 
     def learn(self, transition: Transition) -> None:
         """Eq. 5, then eq. 6 with the new Q. The weights that share the reward are the table's, also when guided."""

@@ -81,6 +81,8 @@ class HeldDecisions(ABC):
         """Whether a transition led to the world state that is selected for next."""
         self._held_for = 0
         self._weights: tuple[float, ...] = (1.0 / n,) * n
+        self._learned: tuple[float, ...] = self._weights
+        """Those by which was decided."""
         self._driver = DRIVER_BLEND
         self._q: tuple[float, ...] = ()
         self._visits: dict[JointState, int] = {}
@@ -129,18 +131,19 @@ class HeldDecisions(ABC):
             self._held_for -= 1
             if self._driver == DRIVER_BLEND:
                 self._weights, self._q = self._judge(self._known(self._situation(joint_state, outputs)))
-            return self._weights, self._driver, self._q
+                self._learned = self._weights
+            return self._weights, self._driver, self._q, self._learned
         situation = self._situation(joint_state, outputs)
         if self._episode is not None and not self._is_sound(situation):
             self._episode = None
         if world.ended:
             if self._episode is not None:
                 self._end(self._episode, situation)
-            return self._weights, self._driver, self._q
+            return self._weights, self._driver, self._q, self._learned
         self._decide(situation, outputs)
         steps = self._holding.play_steps if self._phase is Phase.EVALUATION else self._holding.steps
         self._held_for = steps - 1 if complete else 0
-        return self._weights, self._driver, self._q
+        return self._weights, self._driver, self._q, self._learned
 
     def _situation(self, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Situation:
         return Situation(joint_state, tuple([() if x is None else x.observation for x in outputs]))
@@ -163,6 +166,7 @@ class HeldDecisions(ABC):
         if self._features is not None and episode is not None:
             active = self._features.active(situation)
         weights, self._q = self._judge(self._known(situation) if active is None else active)
+        self._learned = weights
         live = [w if x is not None else 0.0 for w, x in zip(weights, outputs, strict=True)]
         joint_state = situation.joint_state
         visits = self._visits[joint_state] = self._visits.get(joint_state, 0) + 1

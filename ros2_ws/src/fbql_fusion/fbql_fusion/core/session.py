@@ -232,9 +232,9 @@ class Session:
             values = (self._joint_state, self._weights, self._driver, reward, joint_state, terminated, truncated)
             self._learner.learn(made_of(Transition, values))
 
-        weights, driver, q = self._controller.select(world, joint_state, heard)
+        weights, driver, q, learned_weights = self._controller.select(world, joint_state, heard)
         if phase is Phase.GUIDED:
-            weights, driver, _ = self._guide.select(world, joint_state, heard)
+            weights, driver, _, _ = self._guide.select(world, joint_state, heard)
         alone = heard[driver] if driver >= 0 else None
         if alone is not None:
             left, right = alone.left_rad_s, alone.right_rad_s
@@ -265,6 +265,7 @@ class Session:
             driver,
             reward,
             self._degraded,
+            learned_weights,
         )
         if terminated or truncated:
             self._close(world)
