@@ -129,16 +129,17 @@ class Moment {
     const [rule, observed, means] = [element("p", { kind: "rule" }), element("summary"), element("p")];
     const sensed = element("details", { kind: "sensed quiet", title: "What these words mean" }, observed, means);
     const [bar, share] = [element("i"), element("span")];
-    const [reference, q, leaf] = [element("b"), element("b"), element("b")];
+    const [reference, learned, q, leaf] = [element("b"), element("b"), element("b"), element("b")];
     const whole = element(
       "article", { kind: "behavior" },
       element("h3", {}, element("span", { text: signOf(k), kind: "sign", "aria-hidden": "true" }), element("span", { text: name }), drives),
       element("div", { kind: "meter" }, element("div", { "aria-hidden": "true" }, bar), share),
       rule, sensed,
       element("div", { kind: "numbers" },
-        element("span", { text: "reference " }, reference), element("span", { text: "Q " }, q), element("span", { text: "leaf " }, leaf)),
+        element("span", { text: "reference " }, reference), element("span", { text: "learned weight " }, learned),
+        element("span", { text: "Q " }, q), element("span", { text: "leaf " }, leaf)),
     );
-    return { whole, drives, rule, observed, means, bar, share, reference, q, leaf };
+    return { whole, drives, rule, observed, means, bar, share, reference, learned, q, leaf };
   }
 
   /** The colours, which change with the system's scheme. */
@@ -161,14 +162,13 @@ class Moment {
       const count = run.trees[place(`tree.${k}`, step)]?.leaves.length;
       card.drives.textContent = place("driver", step) === k ? "drives" : "";
       card.bar.style.width = `${100 * Math.min(1, Math.max(0, weight ?? 0))}%`;
-      const learned = value(`learned_weights.${k}`, step);
-      const told = learned !== null && learned !== weight;
-      card.share.textContent = `weight ${number(weight, 4)}${told ? `, learned ${number(learned, 4)}` : ""}`;
+      card.share.textContent = `weight ${number(weight, 4)}`;
       card.rule.textContent = ruleText(k, step) + (flag(`clamped.${k}`, step) ? " (outside of its tree: the nearest leaf)" : "");
       card.observed.textContent = `senses: ${sensed(k, step)}`;
       card.means.textContent = meaning(k, step) || "What these words mean is not in the recording.";
       const wheels = ["left", "right"].map((side) => number(value(`reference_${side}_rad_s.${k}`, step), 2));
       card.reference.textContent = `${wheels[0]} left, ${wheels[1]} right [rad/s]`;
+      card.learned.textContent = number(value(`learned_weights.${k}`, step), 4);
       card.q.textContent = brief(value(`q.${k}`, step));
       card.leaf.textContent = leaf === null ? "n/a" : `${leaf}${count ? ` of ${count}` : ""}`;
     });
