@@ -239,7 +239,7 @@ def test_garbage_on_every_input_is_dropped_and_play_goes_on(make_team, bench, ga
 )
 def test_weights_that_are_no_weights_become_uniform(make_team, weights):
     team = make_team(controller="uniform")
-    team.fusion._session._controller.select = lambda *_: (weights, DRIVER_BLEND, ())
+    team.fusion._session._controller.select = lambda *_: (weights, DRIVER_BLEND, (), ())
     team.play(1)
     assert team.decisions[-1].weights == pytest.approx((1 / 3,) * 3)
     assert team.simulator.commands[-1].left_rad_s == pytest.approx(20.0)

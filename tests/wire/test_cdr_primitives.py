@@ -27,7 +27,8 @@ INTEGERS = {
     "int8": Int8, "int16": Int16, "int32": Int32, "int64": Int64,
     "uint8": UInt8, "uint16": UInt16, "uint32": UInt32, "uint64": UInt64,
 }  # fmt: skip
-SINGLES = st.floats(width=32, allow_nan=False)
+SINGLES = st.floats(width=32, allow_nan=False).filter(lambda value: not 3.402823466e38 < abs(value) < math.inf)
+"""Without the largest: the generated check has it to ten digits only, and refuses it, when it is read too."""
 
 
 @pytest.mark.parametrize("kind", INTEGERS)
@@ -42,8 +43,7 @@ def test_the_ends_of_every_integers_range_are_what_the_middleware_writes(kind):
 
 @given(SINGLES)
 def test_a_float32_is_what_the_middleware_writes(value):
-    # The generated check has the largest float32 to ten digits, and refuses it.
-    data = serialize_message(Float32(data=value, check_fields=False))
+    data = serialize_message(Float32(data=value))
     assert Codec(["float32"]).decode(data) == [value]
     assert deserialize_message(Codec(["float32"]).encode([value]), Float32).data == value
 
