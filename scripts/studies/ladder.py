@@ -28,11 +28,21 @@ from studies.training import add_options as add_training_options
 from studies.weight_maps import weight_maps
 
 DESCRIPTION = (
-    "both learners trained on fresh trees, then frozen against Subsumption, constant weights, their twins and the law"
+    "the learners trained on fresh trees, then frozen against Subsumption, constant weights, their twins and the law"
 )
 SEEDS = Seeds(FIRST_TREE_SEED, FIRST_RUN_SEED)
 
-BOTH = "both"
+FBQL, FBQL_VALUE = LEARNERS
+SENSED = "fbql, sensed critic"
+"""fbql whose critic, too, knows only what the behaviors sense."""
+TRAINED: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+    FBQL: (FBQL, {}),
+    SENSED: (FBQL, {"fbql_world_tilings": 0}),
+    FBQL_VALUE: (FBQL_VALUE, {}),
+}
+"""What is trained -> its controller, and what is changed of its defaults."""
+ASKED = {"fbql": FBQL, "fbql_sensed": SENSED, "fbql_value": FBQL_VALUE}
+ALL = "all"
 
 
 def _drawn(learner: str) -> str:
@@ -45,13 +55,13 @@ def _methods_of(learner: str) -> tuple[str, ...]:
     return untrained(learner), _drawn(learner), guided(learner), learner
 
 
-METHODS = (*fusion_controls.METHODS, *(method for learner in LEARNERS for method in _methods_of(learner)))
+METHODS = (*fusion_controls.METHODS, *_methods_of(FBQL), SENSED, *_methods_of(FBQL_VALUE))
 CONTROLS = {"retuned": RETUNED, "tuned": TUNED, "paper": PAPER}
 TWINS = {
     method: {"untrained": untrained(learner), "guided": guided(learner)}
     for learner in LEARNERS
     for method in _methods_of(learner)
-}
+} | {SENSED: {"untrained": untrained(FBQL), "guided": guided(FBQL)}}
 """Method -> the twins of its learner, which it is compared with beside CONTROLS."""
 
 
@@ -60,9 +70,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_training_options(parser, trees=5, seeds=5, episodes=3000, evaluate=200)
     parser.add_argument(
         "--learners",
-        choices=[*LEARNERS, BOTH],
-        default=BOTH,
-        help=f"which learner is trained: {', '.join(LEARNERS)} or {BOTH} ({BOTH})",
+        choices=[*ASKED, ALL],
+        default=ALL,
+        help=f"which learner is trained: {', '.join(ASKED)} or {ALL} ({ALL}); fbql_sensed is fbql whose critic knows no more "
+        "than the behaviors sense",
     )
 
 
@@ -75,10 +86,11 @@ def tasks(options: argparse.Namespace) -> list[Task]:
     given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
     controls = control_tasks(SEEDS, options.trees, options.seeds, given)
     found: list[Task] = []
-    for learner in LEARNERS if options.learners == BOTH else [options.learners]:
+    for asked in ASKED if options.learners == ALL else [options.learners]:
+        learner = ASKED[asked]
         found += [
             Task(
-                f"{learner}-trees{SEEDS.tree(k)}-seed{seed}",
+                f"{asked}-trees{SEEDS.tree(k)}-seed{seed}",
                 {"part": learner, "set": k, "seed": seed, "episodes": options.episodes, **given},
             )
             for seed in range(options.seeds)
@@ -92,29 +104,32 @@ def run(parameters: Parameters) -> Result:
     """Trains a learner once and plays what was learned and its twins, or plays the controls of a tree set."""
     behaviors = SEEDS.behaviors(parameters["set"])
     loop = WorldLoop(SimulationParameters(max_steps=parameters["max_steps"]))
-    if parameters["part"] not in LEARNERS:
+    if parameters["part"] not in TRAINED:
         return controls_played(SEEDS, parameters, behaviors, loop)
     return _trained(parameters, behaviors, loop)
 
 
 def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
     learner, tree_set, seed = parameters["part"], parameters["set"], parameters["seed"]
-    fusion = training_of(SEEDS.training(seed), parameters["episodes"], learner)
+    controller, changes = TRAINED[learner]
+    fusion = training_of(SEEDS.training(seed), parameters["episodes"], controller, **changes)
     begun_s = perf_counter()
     trained = train(fusion, behaviors, loop)
     training_s = perf_counter() - begun_s
-    drawn = training_of(fusion.seed, fusion.episodes, learner, **as_it_learns(learner))
-    twins = {
-        untrained(learner): (fusion, None),
-        _drawn(learner): (drawn, None),
-        guided(learner): (fusion, after_guidance(fusion, behaviors, loop)),
-        learner: (fusion, trained.policy),
-    }
+    played = {learner: (fusion, trained.policy)}
+    if learner in LEARNERS:
+        drawn = training_of(fusion.seed, fusion.episodes, controller, **as_it_learns(controller))
+        twins = {
+            untrained(learner): (fusion, None),
+            _drawn(learner): (drawn, None),
+            guided(learner): (fusion, after_guidance(fusion, behaviors, loop)),
+        }
+        played = twins | played
     judge, episodes = SEEDS.judging(tree_set, seed), parameters["evaluate"]
     begun_s = perf_counter()
     runs = [
         SEEDS.row(method, tree_set, seed, frozen(each, behaviors, loop, judge, episodes, policy))
-        for method, (each, policy) in twins.items()
+        for method, (each, policy) in played.items()
     ]
     seconds = {"training_s": training_s, "evaluation_s": perf_counter() - begun_s}
     result: Result = {
@@ -129,7 +144,7 @@ def table(results: Mapping[str, Result]) -> list[Row]:
     """Methods; then of each learner the tree sets and the rungs that this study can tell of; then what was visited."""
     by_method = _runs(results)
     rows = filled(method_row(method, by_method, CONTROLS | TWINS.get(method, {})) for method in by_method)
-    learners = [learner for learner in LEARNERS if learner in by_method and RETUNED in by_method]
+    learners = [learner for learner in TRAINED if learner in by_method and RETUNED in by_method]
     for learner in learners:
         rows += tree_rows(learner, by_method[learner], by_method[RETUNED], results)
     for learner in learners:
@@ -149,7 +164,7 @@ def _trainings(results: Mapping[str, Result]) -> dict[str, Trainings]:
             for result in results.values()
             if result.get("learner") == learner
         }
-        for learner in LEARNERS
+        for learner in TRAINED
     }
     return {learner: dict(sorted(trained.items())) for learner, trained in found.items() if trained}
 

@@ -397,17 +397,18 @@ def test_truncation_is_worth_what_its_state_is_and_termination_nothing(terminate
     """V is 1, 2 and 3 in the three situations, gamma^k 0.5, lambda 1: what comes is R + 0.5 (R' + 0.5 V'')."""
     episode = Episode(False, [], [[0, 1], [1, 2], [2, 3]], [1, 0], [0.5, 0.25], [4.0, 6.0], [0.5, 0.5], terminated)
     value = np.array([0.75, 0.25, 1.75, 1.25])
-    batch = Batch.of([episode, episode], value, 1.0)
+    batch = Batch.of([episode, episode], value, 1.0, active_features=1)
     returns = [4.0 + 0.5 * (6.0 + 0.5 * last), 6.0 + 0.5 * last]
     assert batch.returns.tolist() == returns * 2
     assert batch.advantages.tolist() == [returns[0] - 1.0, returns[1] - 2.0] * 2
-    assert batch.active.tolist() == [[0, 1], [1, 2]] * 2
+    assert batch.valued.tolist() == [[0, 1], [1, 2]] * 2, "what V is told beyond the active features comes last"
+    assert batch.active.tolist() == [[0], [1]] * 2
     assert (batch.driver.tolist(), batch.chance.tolist()) == ([1, 0] * 2, [0.5, 0.25] * 2)
 
 
 def test_every_decision_is_in_one_minibatch_of_a_pass() -> None:
     episode = Episode(False, [], [[k] for k in range(11)], [0] * 10, [1.0] * 10, [0.0] * 10, [1.0] * 10)
-    batch = Batch.of([episode], np.zeros(11), 1.0)
+    batch = Batch.of([episode], np.zeros(11), 1.0, active_features=1)
     minibatches = [some.tolist() for some in batch.minibatches(4, np.random.default_rng(0))]
     assert [len(some) for some in minibatches] == [4, 4, 2]
     order = np.concatenate(minibatches).tolist()
@@ -624,7 +625,7 @@ def test_behaviors_that_tell_nothing_of_what_they_sense_are_told_apart_by_their_
 
 @EACH
 def test_who_is_told_nothing_at_all_goes_on_drawing_alike(learner: str) -> None:
-    nothing = {"fbql_leaf_pairs": False, "fbql_pair_tilings": 0, "fbql_joint_tilings": 0}
+    nothing = {"fbql_leaf_pairs": False, "fbql_pair_tilings": 0, "fbql_joint_tilings": 0, "fbql_world_tilings": 0}
     session = Session(parameters(learner, seed=1, **nothing))
     drivers = Counter(decision.driver for decision in play(session, 40))
     assert 0.4 < drivers[UP] / (drivers[UP] + drivers[DOWN]) < 0.6

@@ -12,7 +12,7 @@ from fbql_fusion.core.generator_state import generator_state, set_generator_stat
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session
 from fbql_fusion.policy_storage import policy_bytes, policy_from_bytes
-from held_learners import LEARNERS, TABLE
+from held_learners import LEARNERS, TABLE, learned
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -274,12 +274,15 @@ def test_a_policy_of_another_controller_or_other_behaviors_is_refused(
 
 
 def test_neither_learner_takes_a_policy_of_the_other() -> None:
+    """Not even where its features fit."""
     for own, other in (LEARNERS, LEARNERS[::-1]):
         with pytest.raises(BadInput, match=f"of controller '{other}', not of '{own}'"):
             Session(parameters(own), good(other))
-        renamed = good(other)._replace(kind=own)
+        session = Session(parameters(other, seed=1, own_horizon=40, fbql_world_tilings=0))
+        play(session, 39)
+        renamed = learned(session)._replace(kind=own)
         with pytest.raises(BadInput, match=f"no array '{TABLE[own]}'"):
-            Session(parameters(own), renamed)
+            Session(parameters(own, fbql_world_tilings=0), renamed)
 
 
 @EACH

@@ -25,8 +25,8 @@ class Episode:
     guided: bool
     situations: list[Situation] = field(default_factory=list[Situation])
     """T + 1 situations, only as long as there are no features for them."""
-    active: list[list[int]] = field(default_factory=list[list[int]])
-    """Active features of the T + 1 situations."""
+    rows: list[list[int]] = field(default_factory=list[list[int]])
+    """Features of the T + 1 situations: those that are active, then what V is told beyond them."""
     drivers: list[int] = field(default_factory=list[int])
     """Who drove after each of the T decisions."""
     chances: list[float] = field(default_factory=list[float])
@@ -37,9 +37,9 @@ class Episode:
     """gamma^k of each decision, k the steps that it was held for."""
     terminated: bool = False
 
-    def begin_decision(self, situation: Situation, active: list[int] | None, driver: int, chance: float) -> None:
-        """A decision was taken. `active` is None as long as there are no features."""
-        self._add(situation, active)
+    def begin_decision(self, situation: Situation, row: list[int] | None, driver: int, chance: float) -> None:
+        """A decision was taken. `row` is its features; None as long as there are none."""
+        self._add(situation, row)
         self.drivers.append(_THE_GUIDES if self.guided else driver)
         self.chances.append(chance)
         self.rewards.append(0.0)
@@ -55,20 +55,20 @@ class Episode:
         self.discounts[-1] *= discount
         return True
 
-    def end(self, situation: Situation, active: list[int] | None) -> None:
+    def end(self, situation: Situation, row: list[int] | None) -> None:
         """The episode ended in this situation."""
-        self._add(situation, active)
+        self._add(situation, row)
 
     @property
     def succeeded(self) -> bool:
         """Whether it ended neither by the time limit nor in a punishment: in a goal, then."""
         return self.terminated and self.rewards[-1] >= 0.0
 
-    def _add(self, situation: Situation, active: list[int] | None) -> None:
-        if active is None:
+    def _add(self, situation: Situation, row: list[int] | None) -> None:
+        if row is None:
             self.situations.append(situation)
         else:
-            self.active.append(active)
+            self.rows.append(row)
 
 
 def minibatches(decisions: int, size: int, generator: np.random.Generator) -> Iterator[NDArray[np.int64]]:
@@ -82,7 +82,9 @@ class Batch(NamedTuple):
     """N decisions of whole episodes."""
 
     active: NDArray[np.int64]
-    """[N, F]"""
+    """The features that weights depend on, [N, F]"""
+    valued: NDArray[np.int64]
+    """Those that V depends on: the same and what it is told beyond them, [N, F + F']"""
     driver: NDArray[np.int64]
     """[N]"""
     chance: eq.Floats
@@ -93,25 +95,27 @@ class Batch(NamedTuple):
     """A + V, what V is to become, [N]"""
 
     @classmethod
-    def of(cls, episodes: Sequence[Episode], value: eq.Floats, trace: float) -> Batch:
-        """Puts episodes together. `value` is V's table, [features]."""
-        active: list[NDArray[np.int64]] = []
+    def of(cls, episodes: Sequence[Episode], value: eq.Floats, trace: float, active_features: int) -> Batch:
+        """Puts episodes together. `value` is V's table, [features], `active_features` F."""
+        valued: list[NDArray[np.int64]] = []
         found: list[eq.Floats] = []
         returns: list[eq.Floats] = []
         for episode in episodes:
-            rows = np.array(episode.active, dtype=np.int64)
+            rows = np.array(episode.rows, dtype=np.int64)
             values = value[rows].sum(axis=1)
             own = values[:-1].copy()
             if episode.terminated:
                 values[-1] = 0.0
             advantages = eq.advantages(np.array(episode.rewards), np.array(episode.discounts), values, trace)
-            active.append(rows[:-1])
+            valued.append(rows[:-1])
             found.append(advantages)
             returns.append(advantages + own)
         drivers = [driver for episode in episodes for driver in episode.drivers]
         chances = [chance for episode in episodes for chance in episode.chances]
+        every = np.concatenate(valued)
         return cls(
-            np.concatenate(active),
+            np.ascontiguousarray(every[:, :active_features]),
+            every,
             np.array(drivers, dtype=np.int64),
             np.array(chances),
             np.concatenate(found),
@@ -125,9 +129,9 @@ class Batch(NamedTuple):
     @staticmethod
     def to_arrays(episodes: Sequence[Episode]) -> dict[str, NDArray[Any]]:
         """Episodes that wait: for E of them with N decisions in all, waiting_lengths int64 [E], waiting_terminated
-        bool [E], waiting_active int64 [N + E, F], waiting_driver int64 [N], waiting_chance, waiting_reward and
+        bool [E], waiting_active int64 [N + E, F + F'], waiting_driver int64 [N], waiting_chance, waiting_reward and
         waiting_discount float64 [N]."""  # fmt: skip
-        rows = [row for episode in episodes for row in episode.active]
+        rows = [row for episode in episodes for row in episode.rows]
         return {
             "waiting_lengths": np.array([len(episode.drivers) for episode in episodes], dtype=np.int64),
             "waiting_terminated": np.array([episode.terminated for episode in episodes], dtype=np.bool_),
@@ -143,7 +147,7 @@ class Batch(NamedTuple):
         """The episodes that `to_arrays` told of. Raises BadInput where the arrays can't be it."""
         names = ("lengths", "terminated", "driver", "active", "chance", "reward", "discount")
         count, total = rows_of(arrays, "waiting_lengths"), rows_of(arrays, "waiting_driver")
-        width = features.active_features if count else 0
+        width = features.active_features + features.told_features if count else 0
         shapes = ((count,), (count,), (total,), (count + total, width), (total,), (total,), (total,))
         kinds = zip("ibiifff", shapes, strict=True)
         check_arrays(arrays, {f"waiting_{name}": kind for name, kind in zip(names, kinds, strict=True)})

@@ -38,6 +38,7 @@ class Fbql(HeldDecisions):
             parameters.fbql_patience,
             parameters.fbql_discount,
             parameters.fbql_batch_episodes,
+            parameters.fbql_world_tilings,
         )
         super().__init__(parameters, holding, generator)
         n = self._behaviors
@@ -82,7 +83,7 @@ class Fbql(HeldDecisions):
         example = np.repeat(examples, [len(episode.drivers) for episode in guided])
         for _ in range(parameters.fbql_guide_passes):
             for some in batch.minibatches(parameters.fbql_minibatch, self._generator):
-                self._learn_value(batch.active[some], batch.returns[some])
+                self._learn_value(batch.valued[some], batch.returns[some])
                 shown = some[example[some]]
                 active = batch.active[shown]
                 step = eq.guided_step(eq.weights_of(self._theta, active), batch.driver[shown])
@@ -109,20 +110,21 @@ class Fbql(HeldDecisions):
                         parameters.fbql_entropy,
                     )
                     eq.add_shared(self._theta, active, step, rate)
-                self._learn_value(active, batch.returns[some])
+                self._learn_value(batch.valued[some], batch.returns[some])
         self._updates += 1
         if 3 * self._episodes >= 2 * parameters.fbql_horizon:
             self._average()
 
-    def _learn_value(self, active: NDArray[np.int64], returns: eq.Floats) -> None:
+    def _learn_value(self, valued: NDArray[np.int64], returns: eq.Floats) -> None:
         """Eq. 15."""
-        surprise = returns - self._value[active].sum(axis=1)
-        eq.add_shared(self._value, active, surprise, self._parameters.fbql_value_rate)
+        surprise = returns - self._value[valued].sum(axis=1)
+        eq.add_shared(self._value, valued, surprise, self._parameters.fbql_value_rate)
 
     def _batch(self, episodes: Sequence[Episode]) -> Batch:
         """The decisions of episodes, valued by V as it is now."""
         self._make_room()
-        return Batch.of(episodes, self._value, self._parameters.fbql_trace)
+        assert self._features is not None
+        return Batch.of(episodes, self._value, self._parameters.fbql_trace, self._features.active_features)
 
     def _make_room(self) -> None:
         """The tables get rows for the features that were met since."""

@@ -52,6 +52,7 @@ class FbqlValue(HeldDecisions):
             parameters.fbql_value_patience,
             parameters.fbql_value_discount,
             parameters.fbql_value_batch_episodes,
+            world_tilings=0,
         )
         super().__init__(parameters, holding, generator)
         self._values = np.zeros((CAPACITY, self._behaviors + 1))
@@ -115,7 +116,7 @@ class FbqlValue(HeldDecisions):
 
     def _lesson(self, episode: Episode) -> Lesson:
         """Eqs. 19 and 20 by the values as they are now."""
-        active = np.array(episode.active, dtype=np.int64)
+        active = np.array(episode.rows, dtype=np.int64)
         drivers = np.array(episode.drivers, dtype=np.int64)
         total = self._values[active].sum(axis=1)
         theta, shared = total[:, :-1], total[:, -1]

@@ -3,6 +3,9 @@
 A feature is active or not. Each step has the same number of active features, and a feature gets its index when it is met
 for the first time, so that memory grows with what was visited and never with the product of the leaves. Nothing here
 knows what a behavior senses: its numbers are ranked among those of the first episodes (`Scales`).
+
+Weights depend on nothing else. The critic V, which is there only to learn, may be told the world state as well
+(`world_tiles`).
 """
 
 from __future__ import annotations
@@ -19,15 +22,14 @@ from numpy.typing import NDArray
 
 from fbql_fusion.core.joint_state import JointState
 from fbql_fusion.core.policy_arrays import check_arrays, check_range, rows_of
+from fbql_fusion.core.tilings import Tilings
+from fbql_fusion.core.world_tiles import GROUPS, world_tiles
 
 KNOTS = 17
 """Quantiles that a component's scale is made of."""
 SIGNED_SHARE = 0.1
 """A component is signed where at least this share of its values is below 0, and above."""
 _MIX = 1_000_003
-_WORD = (1 << 64) - 1
-_TILE = (1 << 62) - 1
-"""The bits of a tile's key."""
 _BELOW_ONE = 1.0 - 1e-12
 
 
@@ -38,6 +40,8 @@ class Situation(NamedTuple):
     """Length n."""
     observed: tuple[tuple[float, ...], ...]
     """What each behavior senses, length n; empty where it did not answer."""
+    told: tuple[float, ...] = ()
+    """What the critic is told of the world state, `world_tiles.told_of`; empty where it is told nothing."""
 
 
 class Scales:
@@ -108,17 +112,6 @@ def _rank(x: float, knots: list[float]) -> float:
     return min((i - 1 + (x - low) / (knots[i] - low)) / (len(knots) - 1), _BELOW_ONE)
 
 
-def mixed(count: int) -> list[int]:
-    """So many numbers without a pattern, 0 .. 2^63 - 1, the same for ever (SplitMix64): policies depend on them."""
-    found: list[int] = []
-    for i in range(1, count + 1):
-        z = i * 0x9E3779B97F4A7C15 & _WORD
-        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 & _WORD
-        z = (z ^ z >> 27) * 0x94D049BB133111EB & _WORD
-        found.append((z ^ z >> 31) >> 1)
-    return found
-
-
 class Resolution(NamedTuple):
     """How finely the features tell situations apart."""
 
@@ -132,6 +125,8 @@ class Resolution(NamedTuple):
     """Tilings of what all behaviors sense."""
     joint_tiles: int = 4
     """Tiles along each component of such a tiling."""
+    world_tilings: int = 0
+    """Tilings of the world state, for each of `world_tiles.GROUPS`, which V alone goes by."""
 
 
 class Features:
@@ -163,20 +158,20 @@ class Features:
         owner = np.repeat(np.arange(n), scales.lengths)
         asked = [(group, np.isin(owner, group), row, tiles) for group, row, tiles in groups]
         asked = [each for each in asked if each[1].any()]
-        # A row for each tiling, a column for each component; 0 where the tiling leaves the component out.
-        self._sizes = np.array([tiles * member for _, member, _, tiles in asked], dtype=np.float64).reshape(
-            len(asked), d
+        self._tilings = Tilings.of(
+            [tiles * member.astype(np.float64) for _, member, _, tiles in asked],
+            [offsets[row] * member for _, member, row, _ in asked],
+            d,
+            first=1,
         )
-        self._shifts = np.array([offsets[row] * member for _, member, row, _ in asked], dtype=np.float64).reshape(
-            len(asked), d
-        )
-        factors = np.array(mixed(len(asked) * (d + 1)), dtype=np.int64).reshape(len(asked), d + 1)
-        self._factors, self._families = factors[:, :d], factors[:, d]
         self._needs = [[i for i in group if scales.lengths[i]] for group, *_ in asked]
         """The behaviors without whose senses a tiling tells nothing."""
         leaves = n + len(pairs) if resolution.leaf_pairs else 0
         self.active_features = leaves + len(asked)
         """F: how many are active where every behavior answered."""
+        self._world_tilings = world_tiles(resolution.world_tilings)
+        self.told_features = len(GROUPS) * resolution.world_tilings
+        """How many V is told beyond these."""
 
     @staticmethod
     def random_offsets(resolution: Resolution, components: int, generator: np.random.Generator) -> NDArray[np.float64]:
@@ -204,6 +199,17 @@ class Features:
         index = self._index
         return [index.setdefault(key, len(index)) for key in self._keys(situation)]
 
+    def told(self, situation: Situation) -> list[int]:
+        """The features that V is told beyond the active ones; those met for the first time get an index."""
+        if not self.told_features:
+            return []
+        index = self._index
+        return [index.setdefault(key, len(index)) for key in self._world_tilings.keys(situation.told)]
+
+    def row(self, situation: Situation) -> list[int]:
+        """The active features, then what V is told beyond them: what is kept of a situation to learn from."""
+        return self.active(situation) + self.told(situation)
+
     def known(self, situation: Situation) -> list[int]:
         """The active features that have an index."""
         index = self._index
@@ -211,8 +217,6 @@ class Features:
 
     def _keys(self, situation: Situation) -> list[int]:
         """A number for each active feature: equal for equal features, and for no others but by a chance of 2^-62.
-
-        A tile's is the sum of its coordinates, each times a factor of its own, modulo 2^62.
 
         Those of leaves are below 0, where no tile's are.
         """
@@ -230,15 +234,14 @@ class Features:
         flat: list[float] = []
         for own, length in zip(ranks, self.scales.lengths, strict=True):
             flat += own or [0.0] * length
-        tiles = (self._sizes * flat + self._shifts).astype(np.int64)
-        found: list[int] = (((tiles * self._factors).sum(axis=1) + self._families) & _TILE).tolist()
+        found = self._tilings.keys(flat)
         if False not in known:
             return keys + found
         return keys + [key for key, needs in zip(found, self._needs, strict=True) if all(known[i] for i in needs)]
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """keys int64 [m], knots float64 [d, KNOTS], signed bool [d], lengths int64 [n], offsets float64 [tilings, d],
-        resolution int64 [5]."""  # fmt: skip
+        resolution int64 [6]."""  # fmt: skip
         scales = self.scales
         return {
             "keys": self.keys,

@@ -22,6 +22,7 @@ from fbql_fusion.core.features import Features, Resolution, Scales, Situation
 from fbql_fusion.core.joint_state import JointState
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy_arrays import check_arrays
+from fbql_fusion.core.world_tiles import told_of
 
 FIRST_EPISODES = 20
 """Episodes that the scales are made of where none is guided."""
@@ -48,6 +49,8 @@ class Holding(NamedTuple):
     """gamma, per step."""
     batch_episodes: int
     """Episodes learned from at a time, later on."""
+    world_tilings: int
+    """Tilings of the world state that a critic goes by, see `Resolution`."""
 
 
 class HeldDecisions(ABC):
@@ -64,6 +67,7 @@ class HeldDecisions(ABC):
             parameters.fbql_pair_tiles,
             parameters.fbql_joint_tilings,
             parameters.fbql_joint_tiles,
+            holding.world_tilings,
         )
         self._alone = tuple(tuple(1.0 if i == driver else 0.0 for i in range(n)) for driver in range(n))
         self._features: Features | None = None
@@ -130,10 +134,10 @@ class HeldDecisions(ABC):
         if self._held_for and complete and not world.ended:
             self._held_for -= 1
             if self._driver == DRIVER_BLEND:
-                self._weights, self._q = self._judge(self._known(self._situation(joint_state, outputs)))
+                self._weights, self._q = self._judge(self._known(self._situation(world, joint_state, outputs)))
                 self._learned = self._weights
             return self._weights, self._driver, self._q, self._learned
-        situation = self._situation(joint_state, outputs)
+        situation = self._situation(world, joint_state, outputs)
         if self._episode is not None and not self._is_sound(situation):
             self._episode = None
         if world.ended:
@@ -145,15 +149,20 @@ class HeldDecisions(ABC):
         self._held_for = steps - 1 if complete else 0
         return self._weights, self._driver, self._q, self._learned
 
-    def _situation(self, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Situation:
-        return Situation(joint_state, tuple([() if x is None else x.observation for x in outputs]))
+    def _situation(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Situation:
+        """What is known of a step. The world state is told only where it is learned from."""
+        observed = tuple([() if x is None else x.observation for x in outputs])
+        if self._episode is None or not self._resolution.world_tilings:
+            return Situation(joint_state, observed)
+        return Situation(joint_state, observed, told_of(world, self._parameters.fbql_mirror))
 
     def _is_sound(self, situation: Situation) -> bool:
-        """Whether every behavior senses finite numbers, and as many as ever: else it can't be learned from."""
+        """Whether all numbers are finite, and as many are sensed as ever: else it can't be learned from."""
         lengths = tuple([len(observed) for observed in situation.observed])
         if self._lengths is None:
             self._lengths = lengths
-        return lengths == self._lengths and all(isfinite(sum(observed)) for observed in situation.observed)
+        numbers = (*situation.observed, situation.told)
+        return lengths == self._lengths and all(isfinite(sum(each)) for each in numbers)
 
     def _known(self, situation: Situation) -> Sequence[int]:
         """The active features that were met before."""
@@ -163,8 +172,9 @@ class HeldDecisions(ABC):
         """Who drives for the next steps."""
         episode = self._episode
         active: list[int] | None = None
-        if self._features is not None and episode is not None:
-            active = self._features.active(situation)
+        features = self._features
+        if features is not None and episode is not None:
+            active = features.active(situation)
         weights, self._q = self._judge(self._known(situation) if active is None else active)
         self._learned = weights
         live = [w if x is not None else 0.0 for w, x in zip(weights, outputs, strict=True)]
@@ -181,7 +191,8 @@ class HeldDecisions(ABC):
         driver = self._drawn(live) if play == "drawn" else live.index(max(live))
         self._weights, self._driver = self._alone[driver], driver
         if episode is not None:
-            episode.begin_decision(situation, active, driver, weights[driver])
+            row = None if active is None or features is None else active + features.told(situation)
+            episode.begin_decision(situation, row, driver, weights[driver])
 
     def _drawn(self, weights: Sequence[float]) -> int:
         """One of the behaviors, by its weight."""
@@ -207,7 +218,7 @@ class HeldDecisions(ABC):
         self._episode = None
         if not episode.drivers:
             return
-        episode.end(situation, None if self._features is None else self._features.active(situation))
+        episode.end(situation, None if self._features is None else self._features.row(situation))
         self._waiting.append(episode)
         if not episode.guided:
             self._episodes += 1
@@ -225,7 +236,7 @@ class HeldDecisions(ABC):
         offsets = Features.random_offsets(self._resolution, len(scales.knots), self._generator)
         self._features = features = Features(scales, self._resolution, offsets)
         for episode in self._waiting:
-            episode.active = [features.active(situation) for situation in episode.situations]
+            episode.rows = [features.row(situation) for situation in episode.situations]
             episode.situations = []
         self._learn_first()
 

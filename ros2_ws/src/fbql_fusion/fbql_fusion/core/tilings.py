@@ -1,0 +1,66 @@
+"""Tilings: grids over numbers, shifted against each other. Each tile of each tiling has a key."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+_WORD = (1 << 64) - 1
+_TILE = (1 << 62) - 1
+"""The bits of a tile's key."""
+
+
+class Tilings(NamedTuple):
+    """K tilings over d components."""
+
+    sizes: NDArray[np.float64]
+    """Tiles per unit of each component, 0 where the tiling leaves it out, [K, d]."""
+    shifts: NDArray[np.float64]
+    """In tiles, [K, d]."""
+    factors: NDArray[np.int64]
+    """[K, d]"""
+    families: NDArray[np.int64]
+    """[K]"""
+
+    @classmethod
+    def of(
+        cls, sizes: Sequence[NDArray[np.float64]], shifts: Sequence[NDArray[np.float64]], d: int, first: int
+    ) -> Tilings:
+        """Tilings with these sizes and shifts, [d] each. Keys of others are made from another `first`."""
+        count = len(sizes)
+        factors = np.array(mixed(count * (d + 1), first), dtype=np.int64).reshape(count, d + 1)
+        return cls(
+            np.array(sizes, dtype=np.float64).reshape(count, d),
+            np.array(shifts, dtype=np.float64).reshape(count, d),
+            factors[:, :d],
+            factors[:, d],
+        )
+
+    def keys(self, values: Sequence[float]) -> list[int]:
+        """The key of the tile of each tiling, 0 .. 2^62 - 1: equal for the same tile, else by a chance of 2^-62.
+
+        It is the sum of the tile's coordinates, each times a factor of its own, modulo 2^62.
+
+        Args:
+            values: the components, length d.
+        """
+        tiles = np.floor(self.sizes * values + self.shifts).astype(np.int64)
+        return (((tiles * self.factors).sum(axis=1) + self.families) & _TILE).tolist()
+
+
+def mixed(count: int, first: int = 1) -> list[int]:
+    """So many numbers without a pattern, 0 .. 2^63 - 1, the same for ever (SplitMix64): policies depend on them.
+
+    Args:
+        first: which of all such numbers is the first one.
+    """
+    found: list[int] = []
+    for i in range(first, first + count):
+        z = i * 0x9E3779B97F4A7C15 & _WORD
+        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 & _WORD
+        z = (z ^ z >> 27) * 0x94D049BB133111EB & _WORD
+        found.append((z ^ z >> 31) >> 1)
+    return found

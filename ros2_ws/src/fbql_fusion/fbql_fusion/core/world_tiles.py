@@ -1,0 +1,58 @@
+"""What the critic V is told of the world state: tilings of where ball and robot are, and of how the ball rolls.
+
+V values states, and is needed only while something is learned. No weight depends on these tiles: what a behavior's
+weight is made of stays what the behaviors sense. `fbql_world_tilings` 0 leaves them out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from fbql_common.core.types import World
+
+from fbql_fusion.core.tilings import Tilings
+
+_FIRST = 1_000_001
+"""Makes the keys others than those of what is sensed."""
+GROUPS: tuple[tuple[float, ...], ...] = (
+    (0.16, 0.16, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    (0.35, 0.35, 0.35, 0.35, 0.0, 0.0, 0.0, 0.0),
+    (0.30, 0.0, 0.0, 0.0, 0.20, 0.20, 0.0, 0.0),
+    (0.30, 0.30, 0.0, 0.0, 0.0, 0.0, 0.30, 0.30),
+)
+"""Widths of the tiles along each component of `told_of` [m, m/s], 0 where a tiling leaves it out: the ball; ball and robot;
+the ball along the field, and the robot from it; the ball and its velocity."""
+_ACROSS = (1, 3, 5, 7)
+"""The components that change their sign in the mirror."""
+
+
+def told_of(world: World, mirror: bool) -> tuple[float, ...]:
+    """Ball x, y, robot x, y, robot from ball x, y [m], the ball's velocity x, y [m/s], in the frame `field`.
+
+    With `mirror`, situations that mirror each other (left and right) are told alike: as if the ball's y were above 0.
+    """
+    x, y = world.ball_x_m, world.ball_y_m
+    told = [
+        x,
+        y,
+        world.robot_x_m,
+        world.robot_y_m,
+        world.robot_x_m - x,
+        world.robot_y_m - y,
+        world.ball_vx_m_s,
+        world.ball_vy_m_s,
+    ]
+    if mirror and y < 0.0:
+        for i in _ACROSS:
+            told[i] = -told[i]
+    return tuple(told)
+
+
+def world_tiles(tilings: int) -> Tilings:
+    """So many tilings for each of GROUPS: tiling t is shifted by t (2 c + 1) / tilings of a tile along component c, which
+    spreads them evenly along no diagonal."""
+    d = len(GROUPS[0])
+    odd = 2.0 * np.arange(d) + 1.0
+    widths = [np.array(group) for group in GROUPS for _ in range(tilings)]
+    sizes = [np.divide(1.0, each, out=np.zeros(d), where=each > 0.0) for each in widths]
+    shifts = [np.mod(odd * t / tilings, 1.0) for _ in GROUPS for t in range(tilings)]
+    return Tilings.of(sizes, [shift * (size > 0.0) for shift, size in zip(shifts, sizes, strict=True)], d, _FIRST)
