@@ -32,6 +32,7 @@ BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#888888"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY, BLACK, GREY)
 COLOURS = {
     "fbql": BLUE,
+    "fbql, sensed critic": SKY,
     "fbql_value": ORANGE,
     "subsumption, paper": VERMILLION,
     "subsumption, re-tuned": GREEN,
@@ -116,7 +117,7 @@ def _learning(axes: Sequence[Axes], numbers: Mapping[str, Any]) -> None:
     for axis, (measure, label) in zip(axes, labels.items(), strict=True):
         for place, (name, found) in enumerate(numbers["trained"].items()):
             estimate, low, high = (_known(line) for line in found[measure])
-            colour = SERIES[place]
+            colour = COLOURS.get(name, SERIES[place])
             axis.plot(found["episodes"], estimate, color=colour, label=f"{name}, in training")
             axis.fill_between(found["episodes"], low, high, color=colour, alpha=0.2, lw=0)
         for name, found in numbers["controls"].items():
@@ -142,10 +143,11 @@ def coverage_figure(numbers: Mapping[str, Any]) -> Figure:
     axis = figure.subplots()
     for place, (name, found) in enumerate(numbers.items()):
         estimate, low, high = (_known(line) for line in found["joint_states"])
-        axis.plot(found["episodes"], estimate, color=SERIES[place], label=name)
-        axis.fill_between(found["episodes"], low, high, color=SERIES[place], alpha=0.2, lw=0)
+        colour = COLOURS.get(name, SERIES[place])
+        axis.plot(found["episodes"], estimate, color=colour, label=name)
+        axis.fill_between(found["episodes"], low, high, color=colour, alpha=0.2, lw=0)
         least, most = found["leaf_product"]
-        axis.axhspan(least, most * 1.02, color=SERIES[place], alpha=0.3, lw=0)
+        axis.axhspan(least, most * 1.02, color=colour, alpha=0.3, lw=0)
     axis.set_xlim(left=0)
     axis.set_ylim(bottom=0)
     axis.set_xlabel("training episodes")
