@@ -293,6 +293,22 @@ def test_what_is_kept_is_taken_over() -> None:
     assert all(np.array_equal(again.to_arrays()[name], array) for name, array in features.to_arrays().items())
 
 
+def test_what_v_is_told_comes_after_the_active_features_and_is_kept_too() -> None:
+    features = made(Resolution(world_tilings=4))
+    rng = np.random.default_rng(11)
+    seen = [each._replace(told=tuple(rng.uniform(-0.5, 0.5, 8).tolist())) for each in sensed(rng, 30)]
+    rows = [features.row(each) for each in seen]
+    assert {len(row) for row in rows} == {features.active_features + features.told_features}
+    assert features.told_features == 4 * 4
+    assert [row[: features.active_features] for row in rows] == [features.active(each) for each in seen]
+    told = {f for row in rows for f in row[features.active_features :]}
+    assert not told & {f for each in seen for f in features.active(each)}
+    assert features.known(seen[0]) == features.active(seen[0]), "frozen play does without"
+    again = Features.from_arrays(features.to_arrays(), features.resolution, 3)
+    assert [again.row(each) for each in seen] == rows
+    assert len(again) == len(features)
+
+
 def test_arrays_are_of_the_types_that_are_told() -> None:
     features = made()
     features.active(sensed(np.random.default_rng(8), 1)[0])

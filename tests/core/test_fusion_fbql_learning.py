@@ -624,12 +624,14 @@ def test_behaviors_that_tell_nothing_of_what_they_sense_are_told_apart_by_their_
 
 
 @EACH
-def test_who_is_told_nothing_at_all_goes_on_drawing_alike(learner: str) -> None:
-    nothing = {"fbql_leaf_pairs": False, "fbql_pair_tilings": 0, "fbql_joint_tilings": 0, "fbql_world_tilings": 0}
+@pytest.mark.parametrize("told", [0, 4])
+def test_who_is_told_nothing_at_all_goes_on_drawing_alike(learner: str, told: int) -> None:
+    """Whatever its critic is told."""
+    nothing = {"fbql_leaf_pairs": False, "fbql_pair_tilings": 0, "fbql_joint_tilings": 0, "fbql_world_tilings": told}
     session = Session(parameters(learner, seed=1, **nothing))
     drivers = Counter(decision.driver for decision in play(session, 40))
     assert 0.4 < drivers[UP] / (drivers[UP] + drivers[DOWN]) < 0.6
-    assert len(arrays_of(session)[TABLE[learner]]) == 0
+    assert not arrays_of(session)[TABLE[learner]].any()
     assert Session(parameters(learner, **nothing), learned(session)).policy() is not None
 
 

@@ -247,6 +247,17 @@ def test_a_policy_of_another_resolution_is_refused(learner: str, changes: dict[s
     assert reason in refusal(learner, dict(good(learner).arrays), **changes)
 
 
+def test_a_policy_of_another_critic_is_refused() -> None:
+    reason = "fbql_world_tilings 4, but the parameter is 0"
+    assert reason in refusal("fbql", dict(good("fbql").arrays), fbql_world_tilings=0)
+
+
+@EACH
+def test_a_policy_of_before_the_informed_critic_is_refused_and_told_why(learner: str) -> None:
+    earlier = with_array(learner, "resolution", good(learner).arrays["resolution"][:-1])
+    assert "of an earlier version" in refusal(learner, earlier)
+
+
 @EACH
 def test_a_policy_that_knows_a_mirror_is_refused_without_one(learner: str) -> None:
     signed = with_array(learner, "signed", np.ones_like(good(learner).arrays["signed"]))

@@ -41,8 +41,9 @@ class FbqlParameters:
     fbql_joint_tiles: int = parameter(4, "tiles along each component of such a tiling", low=1, high=64)
     fbql_world_tilings: int = parameter(
         4,
-        "tilings of where ball and robot are, and of the ball's velocity, that the critic goes by beside what is sensed; the "
-        "critic is needed only to learn, no weight depends on them; 0: it knows only what the behaviors sense",
+        "tilings of where ball and robot are, and of the ball's velocity, that the critic of fbql goes by beside what is "
+        "sensed; it is needed only to learn, no weight depends on them; powers of two spread best; 0: it knows only what the "
+        "behaviors sense",
         low=0,
         high=32,
     )
@@ -51,7 +52,9 @@ class FbqlParameters:
     fbql_discount: float = parameter(0.998, "gamma of fbql, per step", low=0.0, high=1.0)
     fbql_trace: float = parameter(0.95, "lambda of eq. 13, per decision", low=0.0, high=1.0)
     fbql_rate: float = parameter(0.15, "alpha of eq. 14, shared by the active features", low=0.0, high=10.0)
-    fbql_value_rate: float = parameter(0.03, "beta of eq. 15, shared by the active features", low=0.0, high=2.0)
+    fbql_value_rate: float = parameter(
+        0.03, "beta of eq. 15, shared by all features that the critic goes by", low=0.0, high=2.0
+    )
     fbql_clip: float = parameter(0.4, "change of a weight, in shares of it, beyond which eq. 14 leaves it", low=0.0)
     fbql_entropy: float = parameter(0.0005, "worth of undecided weights in eq. 14", low=0.0, high=10.0)
     fbql_batch_episodes: int = parameter(

@@ -255,6 +255,10 @@ class Features:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], resolution: Resolution, behaviors: int) -> Features:
         """The features that `to_arrays` told of. Raises BadInput where the arrays can't be it."""
+        if "resolution" in arrays and arrays["resolution"].shape == (len(resolution) - 1,):
+            raise BadInput(
+                "the policy's array 'resolution' is of an earlier version, which told V nothing; train again"
+            )
         check_arrays(arrays, {"resolution": ("i", (len(resolution),)), "lengths": ("i", (behaviors,))})
         learned: list[int] = arrays["resolution"].tolist()
         for name, found, asked in zip(Resolution._fields, learned, resolution, strict=True):

@@ -22,7 +22,7 @@ from fbql_fusion.core.features import Features, Resolution, Scales, Situation
 from fbql_fusion.core.joint_state import JointState
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy_arrays import check_arrays
-from fbql_fusion.core.world_tiles import told_of
+from fbql_fusion.core.world_tiles import FAR, told_of
 
 FIRST_EPISODES = 20
 """Episodes that the scales are made of where none is guided."""
@@ -157,12 +157,14 @@ class HeldDecisions(ABC):
         return Situation(joint_state, observed, told_of(world, self._parameters.fbql_mirror))
 
     def _is_sound(self, situation: Situation) -> bool:
-        """Whether all numbers are finite, and as many are sensed as ever: else it can't be learned from."""
+        """Whether all numbers are finite, and as many are sensed as ever, and nothing is out of this world: else it can't be
+        learned from."""
         lengths = tuple([len(observed) for observed in situation.observed])
         if self._lengths is None:
             self._lengths = lengths
         numbers = (*situation.observed, situation.told)
-        return lengths == self._lengths and all(isfinite(sum(each)) for each in numbers)
+        sound = lengths == self._lengths and all(isfinite(sum(each)) for each in numbers)
+        return sound and (not situation.told or max(map(abs, situation.told)) < FAR)
 
     def _known(self, situation: Situation) -> Sequence[int]:
         """The active features that were met before."""

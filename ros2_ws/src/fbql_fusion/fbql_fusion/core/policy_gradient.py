@@ -1,6 +1,6 @@
 """Equations 10 to 15: fusion that learns. Pure functions; docs/fusion.md derives them beside eqs. 5 and 6.
 
-N decisions, n behaviors, F active features a decision. A decision is held for k steps: R is the discounted reward of
+N decisions, n behaviors, F active features a decision (for V the tiles that it is told as well). A decision is held for k steps: R is the discounted reward of
 these steps and gamma^k the discount over them, so that everything is an SMDP's.
 """
 
@@ -123,7 +123,7 @@ def divergence(weights: Floats, drawn: NDArray[np.int64], chance: Floats) -> flo
 
 
 def add_shared(table: Floats, active: NDArray[np.int64], steps: Floats, rate: float) -> None:
-    """Eqs. 14 and 15's assignment: each of the F active features of a decision takes rate / F of its step.
+    """Eqs. 14 and 15's assignment: each of the F features of a decision takes rate / F of its step.
 
     Decisions that share features move each other: by L times its step, if all of them step alike. Where L > 1 (a robot
     that stands still decides the same over and over) the step is divided by L, so that nothing overshoots its target.

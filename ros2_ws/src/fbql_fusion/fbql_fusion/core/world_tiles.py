@@ -21,6 +21,8 @@ GROUPS: tuple[tuple[float, ...], ...] = (
 )
 """Widths of the tiles along each component of `told_of` [m, m/s], 0 where a tiling leaves it out: the ball; ball and robot;
 the ball along the field, and the robot from it; the ball and its velocity."""
+FAR = 1e6
+"""Numbers from here on [m, m/s] are out of this world, and their tiles could not be counted."""
 _ACROSS = (1, 3, 5, 7)
 """The components that change their sign in the mirror."""
 
@@ -48,8 +50,8 @@ def told_of(world: World, mirror: bool) -> tuple[float, ...]:
 
 
 def world_tiles(tilings: int) -> Tilings:
-    """So many tilings for each of GROUPS: tiling t is shifted by t (2 c + 1) / tilings of a tile along component c, which
-    spreads them evenly along no diagonal."""
+    """So many tilings for each of GROUPS: tiling t is shifted by t (2 c + 1) / tilings of a tile along component c. Powers of two
+    spread them best: with other numbers some component is shifted in no tiling."""
     d = len(GROUPS[0])
     odd = 2.0 * np.arange(d) + 1.0
     widths = [np.array(group) for group in GROUPS for _ in range(tilings)]
