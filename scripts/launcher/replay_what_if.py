@@ -17,6 +17,7 @@ from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, types_of
+from fbql_fusion.core.fbql_value_parameters import FbqlValueParameters
 from fbql_fusion.core.parameters import FROM_PRESET, FusionParameters, check_fusion
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session
@@ -38,6 +39,13 @@ _SHOWN_EPISODES = 40
 _ENDLESS = {"episodes": 0, "goals": 0}
 """The recording says when a run is over."""
 _SUBSUMPTIONS = frozenset({"preset", "wall_threshold_m", "approach_threshold_rad", "layers"})
+_FEATURES = frozenset(
+    {
+        *("fbql_leaf_pairs", "fbql_pair_tilings", "fbql_pair_tiles", "fbql_joint_tilings", "fbql_joint_tiles"),
+        "fbql_mirror",
+    }
+)
+"""Those of what both learners tell situations apart by."""
 _LITERALS = frozenset(
     {
         *("learning_rate", "discount", "weight_gain", "weight_offset", "gain_low", "gain_high", "weight_floor"),
@@ -112,15 +120,18 @@ def _without_part(changes: Iterable[str], controller: str, guided: bool) -> list
     notes: list[str] = []
     for name in changes:
         if name in _SUBSUMPTIONS:
-            owner = "subsumption"
+            owners = ["subsumption"]
         elif name in _LITERALS:
-            owner = "fbql_literal"
+            owners = ["fbql_literal"]
+        elif name in _FEATURES:
+            owners = ["fbql", "fbql_value"]
         elif name.startswith("fbql_"):
-            owner = "fbql"
+            owners = ["fbql_value" if name in types_of(FbqlValueParameters) else "fbql"]
         else:
             continue
         # Subsumption is the guide as well.
-        if owner != controller and not (owner == "subsumption" and guided):
+        if controller not in owners and not (owners == ["subsumption"] and guided):
+            owner = " and ".join(owners)
             notes.append(f"{name} plays no part: it is a parameter of {owner}, and the controller is {controller}")
     return notes
 

@@ -166,6 +166,15 @@ def test_a_parameter_of_another_controller_plays_no_part_and_that_is_said(layere
         "fbql_rate plays no part: it is a parameter of fbql, and the controller is subsumption",
         "weight_gain plays no part: it is a parameter of fbql_literal, and the controller is subsumption",
     ]
+    others = {
+        "fbql_mirror=false": "fbql and fbql_value",
+        "fbql_value_trace=0.5": "fbql_value",
+        "fbql_value_rate=0.5": "fbql",
+    }
+    for change, owner in others.items():
+        assert what_if(layered, capsys, "--set", change)["notes"] == [
+            f"{change.split('=')[0]} plays no part: it is a parameter of {owner}, and the controller is subsumption"
+        ]
     assert main([str(layered), "--set", "weight_gain=0.05"]) == 0
     assert capsys.readouterr().out.endswith(f"{found['notes'][-1]}\n")
     assert what_if(layered, capsys, "--preset", "paper")["notes"] == []
