@@ -263,7 +263,10 @@ class Features:
         learned: list[int] = arrays["resolution"].tolist()
         for name, found, asked in zip(Resolution._fields, learned, resolution, strict=True):
             if found != asked:
-                raise BadInput(f"the policy was learned with fbql_{name} {found}, but the parameter is {int(asked)}")
+                raise BadInput(
+                    f"the policy was learned with fbql_{name} {found}, but the parameter is {int(asked)}; "
+                    "play it as it was learned, or take another policy"
+                )
         lengths: list[int] = arrays["lengths"].tolist()
         if min(lengths) < 0:
             raise BadInput("the policy's array 'lengths' has a number below 0")
