@@ -42,7 +42,7 @@ class FbqlParameters:
     fbql_world_tilings: int = parameter(
         4,
         "tilings of where ball and robot are, and of the ball's velocity, that the critic of fbql goes by beside what is "
-        "sensed; it is needed only to learn, no weight depends on them; powers of two spread best; 0: it knows only what the "
+        "sensed; it is needed only to learn, no weight depends on them; 0: it knows only what the "
         "behaviors sense",
         low=0,
         high=32,

@@ -50,8 +50,9 @@ def told_of(world: World, mirror: bool) -> tuple[float, ...]:
 
 
 def world_tiles(tilings: int) -> Tilings:
-    """So many tilings for each of GROUPS: tiling t is shifted by t (2 c + 1) / tilings of a tile along component c. Powers of two
-    spread them best: with other numbers some component is shifted in no tiling."""
+    """So many tilings for each of GROUPS: tiling t is shifted by t (2 c + 1) / tilings of a tile along component c. 1 and
+    odd numbers to 15 leave some component unshifted.
+    """
     d = len(GROUPS[0])
     odd = 2.0 * np.arange(d) + 1.0
     widths = [np.array(group) for group in GROUPS for _ in range(tilings)]
