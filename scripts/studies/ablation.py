@@ -20,7 +20,10 @@ from studies.study import Parameters, Result, Row, Task
 from studies.training import Seeds, check_options, frozen, train, training_of
 from studies.training import add_options as add_training_options
 
-DESCRIPTION = "one change of fbql at a time (but for 'as it was before', four at once), each trained and played frozen like the default"
+DESCRIPTION = (
+    "one change of fbql at a time (but for 'as it was before', four at once), each trained and played frozen like the "
+    "default"
+)
 SEEDS = Seeds(1101, 3000)
 """Others than the ladder's, so that a default chosen here is judged there by what it has not seen."""
 DEFAULT, UNTRAINED = "fbql", "fbql, never learned"

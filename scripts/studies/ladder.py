@@ -13,6 +13,8 @@ from time import perf_counter
 from typing import Any
 
 from fbql_behaviors.core.behavior import Behavior
+from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.core.policy import Policy
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
@@ -116,15 +118,13 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
     begun_s = perf_counter()
     trained = train(fusion, behaviors, loop)
     training_s = perf_counter() - begun_s
-    played = {learner: (fusion, trained.policy)}
+    played: dict[str, tuple[FusionParameters, Policy | None]] = {}
     if learner in LEARNERS:
         drawn = training_of(fusion.seed, fusion.episodes, controller, **as_it_learns(controller))
-        twins = {
-            untrained(learner): (fusion, None),
-            _drawn(learner): (drawn, None),
-            guided(learner): (fusion, after_guidance(fusion, behaviors, loop)),
-        }
-        played = twins | played
+        played[untrained(learner)] = (fusion, None)
+        played[_drawn(learner)] = (drawn, None)
+        played[guided(learner)] = (fusion, after_guidance(fusion, behaviors, loop))
+    played[learner] = (fusion, trained.policy)
     judge, episodes = SEEDS.judging(tree_set, seed), parameters["evaluate"]
     begun_s = perf_counter()
     runs = [

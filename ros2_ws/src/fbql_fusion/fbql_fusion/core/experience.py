@@ -129,8 +129,8 @@ class Batch(NamedTuple):
     @staticmethod
     def to_arrays(episodes: Sequence[Episode]) -> dict[str, NDArray[Any]]:
         """Episodes that wait: for E of them with N decisions in all, waiting_lengths int64 [E], waiting_terminated
-        bool [E], waiting_active (the rows of `Episode`) int64 [N + E, F + F'], waiting_driver int64 [N], waiting_chance, waiting_reward and
-        waiting_discount float64 [N]."""  # fmt: skip
+        bool [E], waiting_active (the rows of `Episode`) int64 [N + E, F + F'], waiting_driver int64 [N], waiting_chance,
+        waiting_reward and waiting_discount float64 [N]."""  # fmt: skip
         rows = [row for episode in episodes for row in episode.rows]
         return {
             "waiting_lengths": np.array([len(episode.drivers) for episode in episodes], dtype=np.int64),

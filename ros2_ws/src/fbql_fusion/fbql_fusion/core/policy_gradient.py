@@ -1,7 +1,7 @@
 """Equations 10 to 15: fusion that learns. Pure functions; docs/fusion.md derives them beside eqs. 5 and 6.
 
-N decisions, n behaviors, F active features a decision (for V the tiles that it is told as well). A decision is held for k steps: R is the discounted reward of
-these steps and gamma^k the discount over them, so that everything is an SMDP's.
+N decisions, n behaviors, F active features a decision (for V the tiles that it is told as well). A decision is held for
+k steps: R is the discounted reward of these steps and gamma^k the discount over them, so that everything is an SMDP's.
 """
 
 from __future__ import annotations

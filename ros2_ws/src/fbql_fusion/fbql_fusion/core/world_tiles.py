@@ -58,4 +58,4 @@ def world_tiles(tilings: int) -> Tilings:
     widths = [np.array(group) for group in GROUPS for _ in range(tilings)]
     sizes = [np.divide(1.0, each, out=np.zeros(d), where=each > 0.0) for each in widths]
     shifts = [np.mod(odd * t / tilings, 1.0) for _ in GROUPS for t in range(tilings)]
-    return Tilings.of(sizes, [shift * (size > 0.0) for shift, size in zip(shifts, sizes, strict=True)], d, _FIRST)
+    return Tilings.of(sizes, shifts, d, _FIRST)
