@@ -300,6 +300,12 @@ def test_a_robot_that_stands_still_reaches_its_value_and_does_not_overshoot(deci
     assert value.sum() == pytest.approx(10.0 * min(1.0, 0.1 * decisions))
 
 
+def test_without_decisions_there_is_nothing_to_assign() -> None:
+    for table, steps in ((np.ones((5, 2)), np.zeros((0, 2))), (np.ones(5), np.zeros(0))):
+        eq.add_shared(table, np.zeros((0, 3), dtype=np.int64), steps, 0.1)
+        assert (table == 1.0).all()
+
+
 def test_without_features_there_is_nothing_to_assign() -> None:
     table = np.ones((2, 2))
     eq.add_shared(table, np.zeros((3, 0), dtype=np.int64), np.ones((3, 2)), 0.1)

@@ -99,7 +99,7 @@ def test_situations_that_mirror_each_other_share_their_tiles_and_not_their_leave
         return
     features = made()
     assert features.scales.signed.tolist() == SIGNED.tolist()
-    one, other = features.active(given_), features.active(mirrored(given_))
+    one, other = features.row(given_), features.row(mirrored(given_))
     leaves = of_leaves(features)
     assert one[leaves:] == other[leaves:]
     assert not set(one[:leaves]) & set(other[:leaves])
@@ -126,7 +126,7 @@ def test_without_a_mirror_left_and_right_are_told_apart() -> None:
     features = made(mirror=False)
     here = sensed(np.random.default_rng(2), 1)[0]
     leaves = of_leaves(features)
-    assert features.active(here)[leaves:] != features.active(mirrored(here))[leaves:]
+    assert features.row(here)[leaves:] != features.row(mirrored(here))[leaves:]
 
 
 # Active features
@@ -169,24 +169,24 @@ def test_equal_indices_are_equal_features_and_no_others(lengths: tuple[int, ...]
     features = Features(scales, resolution, Features.random_offsets(resolution, sum(lengths), rng))
     index: dict[tuple[object, ...], int] = {}
     for each in seen:
-        assert features.active(each) == [index.setdefault(key, len(index)) for key in literal_features(features, each)]
+        assert features.row(each) == [index.setdefault(key, len(index)) for key in literal_features(features, each)]
     assert len(features) == len(index) > 10
 
 
 @given(situations(), situations())
 def test_the_same_situation_has_the_same_features_and_each_complete_one_as_many(one: Situation, two: Situation) -> None:
     features = made()
-    first = features.active(one)
-    second = features.active(two)
-    assert features.active(one) == first
+    first = features.row(one)
+    second = features.row(two)
+    assert features.row(one) == first
     assert len(set(first)) == len(first) == len(second) == features.active_features == 6 + 3 * 4 + 4
 
 
 def test_a_leaf_that_changes_alone_changes_its_own_feature_and_its_pairs() -> None:
     features = made()
     here = sensed(np.random.default_rng(4), 1)[0]
-    before = features.active(here)
-    after = features.active(here._replace(joint_state=(99, *here.joint_state[1:])))
+    before = features.row(here)
+    after = features.row(here._replace(joint_state=(99, *here.joint_state[1:])))
     assert [k for k, (a, b) in enumerate(zip(before, after, strict=True)) if a != b] == [0, 3, 4]
 
 
@@ -195,7 +195,7 @@ def test_known_features_are_the_active_ones_that_were_met(given_: Situation) -> 
     features = made()
     assert features.known(given_) == []
     assert len(features) == 0
-    assert features.known(given_) == [] != features.active(given_) == features.known(given_)
+    assert features.known(given_) == [] != features.row(given_) == features.known(given_)
 
 
 # What is missing
@@ -205,7 +205,7 @@ def test_known_features_are_the_active_ones_that_were_met(given_: Situation) -> 
 def test_features_with_a_missing_behavior_are_left_out_and_the_others_stay(given_: Situation, gone: set[int]) -> None:
     """The third behavior, whose bearing says left or right, is there."""
     features = made()
-    whole = features.active(given_)
+    whole = features.row(given_)
     leaves = tuple(NO_LEAF if i in gone else leaf for i, leaf in enumerate(given_.joint_state))
     part = features.known(Situation(leaves, tuple(() if i in gone else x for i, x in enumerate(given_.observed))))
     left = 3 - len(gone)
@@ -216,14 +216,14 @@ def test_features_with_a_missing_behavior_are_left_out_and_the_others_stay(given
 
 def test_with_nobody_there_nothing_is_active() -> None:
     features = made()
-    assert features.active(Situation((NO_LEAF,) * 3, ((),) * 3)) == []
+    assert features.row(Situation((NO_LEAF,) * 3, ((),) * 3)) == []
     assert len(features) == 0
 
 
 @given(st.lists(st.lists(st.floats(), max_size=4), min_size=3, max_size=3))
 def test_numbers_that_are_no_observation_are_no_tiles_and_break_nothing(observed: list[list[float]]) -> None:
     features = made()
-    active = features.active(Situation((1, 2, 3), tuple(tuple(x) for x in observed)))
+    active = features.row(Situation((1, 2, 3), tuple(tuple(x) for x in observed)))
     complete = [len(x) for x in observed] == list(LENGTHS)
     assert (len(active) == features.active_features) == complete
     assert all(isfinite(x) for ranks in features.scales.ranks(observed) for x in ranks)
@@ -235,8 +235,8 @@ def test_a_behavior_that_tells_nothing_of_what_it_senses_leaves_the_tiles_to_the
     seen = [situation((1, 2, 3), values, (2, 0, 1)) for values in rng.random((50, 3)).tolist()]
     scales = Scales.of(seen, mirror=True)
     features = Features(scales, resolution, Features.random_offsets(resolution, 3, rng))
-    assert {len(features.active(each)) for each in seen} == {6 + 3 * 2 + 2} == {features.active_features}
-    tiles = {features.active(each)[-1] for each in seen}
+    assert {len(features.row(each)) for each in seen} == {6 + 3 * 2 + 2} == {features.active_features}
+    tiles = {features.row(each)[-1] for each in seen}
     assert len(tiles) > 5, "the joint tilings tell apart what the others sense"
 
 
@@ -246,7 +246,7 @@ def test_where_nobody_tells_what_it_senses_only_leaves_are_left(resolution: Reso
     features = Features(
         Scales.of(seen, mirror=True), resolution, Features.random_offsets(resolution, 0, np.random.default_rng(0))
     )
-    assert [len(features.active(each)) for each in seen] == [active] * 5
+    assert [len(features.row(each)) for each in seen] == [active] * 5
     assert features.active_features == active
 
 
@@ -266,11 +266,11 @@ def test_memory_grows_with_what_was_visited_and_never_with_the_product_of_the_le
     resolution = Resolution()
     features = Features(Scales.of(seen, mirror=True), resolution, Features.random_offsets(resolution, 16, rng))
     for visits, each in enumerate(seen, 1):
-        features.active(each)
+        features.row(each)
         assert len(features) <= visits * features.active_features
     held = len(features)
     for each in seen:
-        features.active(each)
+        features.row(each)
     assert len(features) == held
     assert len(features.keys) == held
     assert features.active_features == 8 + 28 + 4 * 28 + 4
@@ -283,13 +283,13 @@ def test_what_is_kept_is_taken_over() -> None:
     features = made(Resolution(True, 3, 5, 1, 2))
     rng = np.random.default_rng(7)
     seen = sensed(rng, 50)
-    active = [features.active(each) for each in seen]
+    active = [features.row(each) for each in seen]
     again = Features.from_arrays(features.to_arrays(), features.resolution, 3)
     assert [again.known(each) for each in seen] == active
     assert len(again) == len(features)
     assert again.active_features == features.active_features
     new = sensed(rng, 20)
-    assert [again.active(each) for each in new] == [features.active(each) for each in new]
+    assert [again.row(each) for each in new] == [features.row(each) for each in new]
     assert all(np.array_equal(again.to_arrays()[name], array) for name, array in features.to_arrays().items())
 
 
@@ -300,10 +300,10 @@ def test_what_v_is_told_comes_after_the_active_features_and_is_kept_too() -> Non
     rows = [features.row(each) for each in seen]
     assert {len(row) for row in rows} == {features.active_features + features.told_features}
     assert features.told_features == 4 * 4
-    assert [row[: features.active_features] for row in rows] == [features.active(each) for each in seen]
+    assert [row[: features.active_features] for row in rows] == [features.known(each) for each in seen]
     told = {f for row in rows for f in row[features.active_features :]}
-    assert not told & {f for each in seen for f in features.active(each)}
-    assert features.known(seen[0]) == features.active(seen[0]), "frozen play does without"
+    assert not told & {f for each in seen for f in features.known(each)}
+    assert features.known(seen[0]) == features.known(seen[0]._replace(told=())), "frozen play does without"
     again = Features.from_arrays(features.to_arrays(), features.resolution, 3)
     assert [again.row(each) for each in seen] == rows
     assert len(again) == len(features)
@@ -311,7 +311,7 @@ def test_what_v_is_told_comes_after_the_active_features_and_is_kept_too() -> Non
 
 def test_arrays_are_of_the_types_that_are_told() -> None:
     features = made()
-    features.active(sensed(np.random.default_rng(8), 1)[0])
+    features.row(sensed(np.random.default_rng(8), 1)[0])
     told = {name: (str(array.dtype), array.shape) for name, array in features.to_arrays().items()}
     assert told == {
         "keys": ("int64", (22,)),

@@ -184,9 +184,14 @@ def test_simulator_stops_the_wheels_when_fusion_is_killed(start, bench):
         own = ("-p", "realtime:=1.0") if executable[1] == "simulator" else ()
         nodes[executable[1]] = start(*executable, "--ros-args", "-r", f"__ns:={bench.namespace}", *own)
     worlds = listen(bench.add(Partner), World, WORLD)
-    bench.until(
-        lambda: worlds and worlds[-1].episode == 0 and worlds[-1].robot_speed_m_s > 0.2, "the robot to drive", 30.0
-    )
+
+    def drives():
+        """In whichever episode: on a busy machine the first one may pass with hardly a command in time."""
+        world = worlds[-1] if worlds else None
+        # The ball is far from the goals, so that the robot can come to rest before one ends the episode.
+        return world and not world.ended and world.robot_speed_m_s > 0.2 and abs(world.ball_x_m) < 0.8
+
+    bench.until(drives, "the robot to drive", 60.0)
 
     nodes["fusion"].send(signal.SIGKILL)
     nodes["fusion"].exit_code()

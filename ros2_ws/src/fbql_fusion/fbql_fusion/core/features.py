@@ -164,12 +164,13 @@ class Features:
             d,
             first=1,
         )
-        self._needs = [[i for i in group if scales.lengths[i]] for group, *_ in asked]
+        told_about = world_tiles(resolution.world_tilings)
+        self._and_told = self._tilings.beside(told_about)
+        self._needs = [[i for i in group if scales.lengths[i]] for group, *_ in asked] + [[]] * len(told_about.sizes)
         """The behaviors without whose senses a tiling tells nothing."""
         leaves = n + len(pairs) if resolution.leaf_pairs else 0
         self.active_features = leaves + len(asked)
         """F: how many are active where every behavior answered."""
-        self._world_tilings = world_tiles(resolution.world_tilings)
         self.told_features = len(GROUPS) * resolution.world_tilings
         """How many V is told beyond these."""
 
@@ -194,29 +195,26 @@ class Features:
             raise BadInput("the policy's array 'keys' has a feature twice")
         self._index = index
 
-    def active(self, situation: Situation) -> list[int]:
-        """The active features; those met for the first time get an index."""
-        index = self._index
-        return [index.setdefault(key, len(index)) for key in self._keys(situation)]
-
-    def told(self, situation: Situation) -> list[int]:
-        """The features that V is told beyond the active ones; those met for the first time get an index."""
-        if not self.told_features:
-            return []
-        index = self._index
-        return [index.setdefault(key, len(index)) for key in self._world_tilings.keys(situation.told)]
-
     def row(self, situation: Situation) -> list[int]:
-        """The active features, then what V is told beyond them: what is kept of a situation to learn from."""
-        return self.active(situation) + self.told(situation)
+        """The active features, then what V is told beyond them: what is kept of a situation to learn from. Those met for
+        the first time get an index."""
+        index = self._index
+        keys = self._keys(situation, situation.told if self.told_features else ())
+        found = [index[key] for key in keys if key in index]
+        return found if len(found) == len(keys) else [index.setdefault(key, len(index)) for key in keys]
+
+    def active_in(self, row: list[int]) -> list[int]:
+        """The active features of a row."""
+        return row[: len(row) - self.told_features]
 
     def known(self, situation: Situation) -> list[int]:
         """The active features that have an index."""
         index = self._index
-        return [index[key] for key in self._keys(situation) if key in index]
+        return [index[key] for key in self._keys(situation, ()) if key in index]
 
-    def _keys(self, situation: Situation) -> list[int]:
-        """A number for each active feature: equal for equal features, and for no others but by a chance of 2^-62.
+    def _keys(self, situation: Situation, told: tuple[float, ...]) -> list[int]:
+        """A number for each active feature, and then for each tile of what V is told, if it is: equal for equal features,
+        and for no others but by a chance of 2^-62.
 
         Those of leaves are below 0, where no tile's are.
         """
@@ -227,17 +225,19 @@ class Features:
             for i, j in self._leaf_pairs:
                 if leaves[i] != NO_LEAF and leaves[j] != NO_LEAF:
                     keys.append(((-1 - i * len(leaves) - j) * _MIX + leaves[i]) * _MIX + leaves[j])
-        if not self._needs:
+        tilings = self._and_told if told else self._tilings
+        if not len(tilings.families):
             return keys
         ranks = self.scales.ranks(situation.observed)
         known = [bool(own) for own in ranks]
         flat: list[float] = []
         for own, length in zip(ranks, self.scales.lengths, strict=True):
             flat += own or [0.0] * length
-        found = self._tilings.keys(flat)
+        found = tilings.keys([*flat, *told])
         if False not in known:
             return keys + found
-        return keys + [key for key, needs in zip(found, self._needs, strict=True) if all(known[i] for i in needs)]
+        needs = self._needs[: len(found)]
+        return keys + [key for key, needed in zip(found, needs, strict=True) if all(known[i] for i in needed)]
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """keys int64 [m], knots float64 [d, KNOTS], signed bool [d], lengths int64 [n], offsets float64 [tilings, d],

@@ -173,11 +173,10 @@ class HeldDecisions(ABC):
     def _decide(self, situation: Situation, outputs: Sequence[BehaviorOutput | None]) -> None:
         """Who drives for the next steps."""
         episode = self._episode
-        active: list[int] | None = None
         features = self._features
-        if features is not None and episode is not None:
-            active = features.active(situation)
-        weights, self._q = self._judge(self._known(situation) if active is None else active)
+        row = features.row(situation) if features is not None and episode is not None else None
+        active = self._known(situation) if features is None or row is None else features.active_in(row)
+        weights, self._q = self._judge(active)
         self._learned = weights
         live = [w if x is not None else 0.0 for w, x in zip(weights, outputs, strict=True)]
         joint_state = situation.joint_state
@@ -193,7 +192,6 @@ class HeldDecisions(ABC):
         driver = self._drawn(live) if play == "drawn" else live.index(max(live))
         self._weights, self._driver = self._alone[driver], driver
         if episode is not None:
-            row = None if active is None or features is None else active + features.told(situation)
             episode.begin_decision(situation, row, driver, weights[driver])
 
     def _drawn(self, weights: Sequence[float]) -> int:

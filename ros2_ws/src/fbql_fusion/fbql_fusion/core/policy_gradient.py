@@ -7,7 +7,7 @@ k steps: R is the discounted reward of these steps and gamma^k the discount over
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp
+from math import exp, prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ def weights_of(theta: Floats, active: NDArray[np.int64]) -> Floats:
     Returns:
         w, [N, n].
     """
-    h = theta[active].sum(axis=1)
+    h = theta.take(active.T, axis=0).sum(axis=0)  # whole columns at a time: the same sums, several times as fast
     h -= h.max(axis=1, keepdims=True)
     powers = np.exp(h)
     return powers / powers.sum(axis=1, keepdims=True)
@@ -139,4 +139,7 @@ def add_shared(table: Floats, active: NDArray[np.int64], steps: Floats, rate: fl
     every = active.ravel()
     moved = np.bincount(every)[active].sum(axis=1) * (rate / features)
     steps = (steps.T / np.maximum(moved, 1.0)).T
-    np.add.at(table, every, np.repeat(steps * (rate / features), features, axis=0))
+    shared: Floats = np.repeat(steps * (rate / features), features, axis=0)
+    columns = np.arange(prod(table.shape[1:]))
+    entries: NDArray[np.int64] = (every[:, None] * len(columns) + columns).ravel()
+    np.add.at(table.reshape(-1), entries, shared.ravel())  # along one axis, where it is fast; a view of the table

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +47,30 @@ class Tilings(NamedTuple):
         Args:
             values: the components, length d.
         """
-        tiles = np.floor(self.sizes * values + self.shifts).astype(np.int64)
-        return (((tiles * self.factors).sum(axis=1) + self.families) & _TILE).tolist()
+        at = self.sizes * values
+        at += self.shifts
+        tiles = np.floor(at, out=at).astype(np.int64)
+        tiles *= self.factors
+        keys = tiles.sum(axis=1)
+        keys += self.families
+        keys &= _TILE
+        return keys.tolist()
+
+    def beside(self, other: Tilings) -> Tilings:
+        """These tilings and then the others, over the components of both, one after the other, with the same keys."""
+        (k, d), (more, others) = self.sizes.shape, other.sizes.shape
+
+        def placed(own: NDArray[Any], its: NDArray[Any]) -> NDArray[Any]:
+            both = np.zeros((k + more, d + others), dtype=own.dtype)
+            both[:k, :d], both[k:, d:] = own, its
+            return both
+
+        return Tilings(
+            placed(self.sizes, other.sizes),
+            placed(self.shifts, other.shifts),
+            placed(self.factors, other.factors),
+            np.concatenate([self.families, other.families]),
+        )
 
 
 def mixed(count: int, first: int = 1) -> list[int]:
