@@ -93,6 +93,8 @@ def _prepared(arguments: argparse.Namespace, panel: Panel, interrupts: Interrupt
     domain_id = domain_from(PROGRAM)
     match = match_from(arguments, PROGRAM)
     rehearse(match)
+    for note in match.notes:
+        panel.say(note)
     interrupts.check()
     mode = Mode(arguments.processes, arguments.realtime, arguments.record, arguments.start_timeout)
     live = None

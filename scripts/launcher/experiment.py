@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
+from shutil import get_terminal_size
 from time import monotonic
 from typing import Any
 
@@ -120,17 +121,30 @@ def _worded(summary: Mapping[str, Any], figures: Sequence[Path]) -> str:
     return "\n".join(lines)
 
 
-def as_text(rows: Sequence[Row]) -> str:
-    """Rows as tables with aligned columns; rows of other columns begin a new table."""
+def as_text(rows: Sequence[Row], width: int | None = None) -> str:
+    """Rows as tables with aligned columns; rows of other columns begin a new table.
+
+    Args:
+        width: characters a line may have, that of the terminal where it is not given. A table that is wider goes on below
+            with its other columns, the first one repeated.
+    """
     if not rows:
         return "no results"
-    return "\n\n".join(_table(columns, list(part)) for columns, part in groupby(rows, key=lambda row: tuple(row)))
+    width = width or get_terminal_size((160, 0)).columns
+    return "\n\n".join(
+        _table(columns, list(part), width) for columns, part in groupby(rows, key=lambda row: tuple(row))
+    )
 
 
-def _table(columns: Sequence[str], rows: Sequence[Row]) -> str:
+def _table(columns: Sequence[str], rows: Sequence[Row], width: int) -> str:
     cells = [columns, *([_cell(row[column]) for column in columns] for row in rows)]
     widths = [max(len(row[i]) for row in cells) for i in range(len(columns))]
-    return "\n".join("  ".join(text.rjust(width) for text, width in zip(row, widths, strict=True)) for row in cells)
+    parts: list[list[int]] = [[0]]
+    for i in range(1, len(columns)):
+        if len(parts[-1]) > 1 and sum(widths[j] + 2 for j in (*parts[-1], i)) - 2 > width:
+            parts.append([0])
+        parts[-1].append(i)
+    return "\n\n".join("\n".join("  ".join(row[i].rjust(widths[i]) for i in part) for row in cells) for part in parts)
 
 
 def _cell(value: object) -> str:

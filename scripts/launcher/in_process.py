@@ -15,7 +15,7 @@ from fbql_fusion.core.session import Session
 from fbql_fusion.policy_storage import load_policy
 from fbql_sim.core.world_loop import WorldLoop
 
-from launcher.options import Match
+from launcher.options import Match, shipped_policy
 
 StepObserver = Callable[[World, Sequence[BehaviorOutput], WheelCommand, Decision], None]
 
@@ -45,8 +45,18 @@ def parts_of(match: Match) -> Parts:
             behaviors.append(Behavior(name, tree, observation))
         except BadInput as error:
             raise BadInput(f"{path}: {error}") from None
-    session = Session(match.fusion, None if match.policy is None else load_policy(match.policy))
-    return Parts(session, WorldLoop(match.simulation), behaviors)
+    return Parts(_session_of(match), WorldLoop(match.simulation), behaviors)
+
+
+def _session_of(match: Match) -> Session:
+    policy = None if match.policy is None else load_policy(match.policy)
+    try:
+        return Session(match.fusion, policy)
+    except BadInput as error:
+        if policy is None:
+            raise
+        ships = "; it is the one that ships: --policy none starts without" if match.policy == shipped_policy() else ""
+        raise BadInput(f"{match.policy}: {error}{ships}") from None
 
 
 def own_observation(match: Match, name: str) -> dict[str, str]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, types_of
+from fbql_fusion.core.making import LEARNERS
 from fbql_fusion.core.parameters import CONTROLLERS, PRESETS, FusionParameters, check_fusion
 from fbql_fusion.run_directory import create_next_run_directory, create_run_directory
 from fbql_sim.core.parameters import SimulationParameters
@@ -37,6 +40,8 @@ class Match:
     json: bool
     observations: dict[str, str] = field(default_factory=dict[str, str])
     """FILE.py:NAME of what a behavior of the user's own senses, by the behavior that its tree file names."""
+    notes: tuple[str, ...] = ()
+    """What the user may not expect of how it starts, in a line each."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -83,7 +88,7 @@ def match_parser(program: str, description: str) -> Parser:
         "--policy",
         metavar="FILE",
         help="policy.npz of an earlier run to start from, or none; without it fbql starts from the policy that ships, "
-        "unless it has other behaviors or trees or is to be guided",
+        "unless it has other behaviors or other trees, or is to be guided; the other controllers start from nothing",
     )
     play.add_argument(
         "--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior (the trees that ship)"
@@ -131,19 +136,42 @@ def match_from(arguments: argparse.Namespace, program: str) -> Match:
         _add_setting(setting, values, simulation, program)
     fusion = from_mapping(FusionParameters, values, program)
     check_fusion(fusion, program)
-    shipped = fusion.controller == "fbql" and fusion.guided <= 0 and arguments.trees is None
     for name in RESERVED_NAMES & set(fusion.behaviors):
         raise BadInput(f"{program}: parameter 'behaviors' has '{name}', which is the name of another node")
+    behaviors = {name: _tree_file(name, arguments.trees, program) for name in fusion.behaviors}
+    fits = _are_shipped(behaviors)
+    shipped = fusion.controller == "fbql" and fusion.guided <= 0 and fits
+    policy = _policy(arguments.policy, program, shipped)
     return Match(
         fusion=fusion,
         simulation=from_mapping(SimulationParameters, simulation, program),
-        behaviors={name: _tree_file(name, arguments.trees, program) for name in fusion.behaviors},
-        policy=_policy(arguments.policy, program, shipped and fusion.behaviors == FusionParameters().behaviors),
+        behaviors=behaviors,
+        policy=policy,
         out=_out(arguments.out, fusion),
         out_named=arguments.out is not None,
         json=arguments.json,
         observations=know_observations(arguments.observation),
+        notes=tuple(_notes(fusion, policy, fits, asked=arguments.policy is not None)),
     )
+
+
+def _notes(fusion: FusionParameters, policy: Path | None, fits: bool, asked: bool) -> Iterator[str]:
+    if policy is not None or fusion.controller not in LEARNERS:
+        return
+    if fusion.controller == "fbql" and not (fits or asked):
+        yield "starts from nothing: the policy that ships belongs to the trees that ship; --policy FILE is another's"
+    if not fusion.learn:
+        yield f"{fusion.controller} neither learns nor has a policy: its weights are those of the start; give --policy FILE"
+
+
+def _are_shipped(behaviors: dict[str, Path]) -> bool:
+    """Whether these are the behaviors that the shipped policy was learned with, whichever copies of their trees."""
+    if list(behaviors) != FusionParameters().behaviors:
+        return False
+    try:
+        return all(path.read_bytes() == _tree_file(name, None, "").read_bytes() for name, path in behaviors.items())
+    except OSError:
+        return False  # it is said where the tree is read
 
 
 def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any], program: str) -> None:
@@ -152,8 +180,18 @@ def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any
         if equals and name in limits_of(declaration):
             values[name] = parsed(text, types_of(declaration)[name], name, program)
             return
-    known = ", ".join(sorted([*limits_of(FusionParameters), *limits_of(SimulationParameters)]))
-    raise BadInput(f"{program}: --set {setting}: write NAME=VALUE with one of the names {known}")
+    known = [*limits_of(FusionParameters), *limits_of(SimulationParameters)]
+    if not equals or not name:
+        raise BadInput(f"{program}: --set {setting}: write NAME=VALUE; docs/parameters.md has the names")
+    raise BadInput(
+        f"{program}: --set {setting}: fusion and simulation have no parameter '{name}'; {similar(name, known)}"
+    )
+
+
+def similar(name: str, known: Sequence[str]) -> str:
+    """What to write instead of a name that nothing has: those like it, or where all of them are."""
+    found = get_close_matches(name, known)
+    return f"did you mean {' or '.join(found)}?" if found else "docs/parameters.md has the names"
 
 
 def parsed(text: str, kind: Any, name: str, program: str) -> Any:
@@ -167,7 +205,8 @@ def parsed(text: str, kind: Any, name: str, program: str) -> Any:
     try:
         return kind(text)
     except ValueError:
-        raise BadInput(f"{program}: --set {name}: '{text}' is no number") from None
+        expected = "whole number" if kind is int else "number"
+        raise BadInput(f"{program}: --set {name}: '{text}' is no {expected}") from None
 
 
 def _tree_file(name: str, directory: Path | None, program: str) -> Path:

@@ -25,7 +25,7 @@ from fbql_fusion.policy_storage import load_policy
 
 from launcher.interrupts import Interrupts
 from launcher.observations import know_observations
-from launcher.options import parsed
+from launcher.options import parsed, similar
 from launcher.panel import print_result
 from launcher.progress_line import ProgressLine
 from launcher.recomputation import recorded_parameters, recorded_policy
@@ -104,10 +104,10 @@ def _changed(recorded: FusionParameters, arguments: argparse.Namespace) -> Fusio
     for setting in arguments.set:
         name, equals, text = setting.partition("=")
         if not equals or name not in kinds or name in _ENDLESS or name == "behaviors":
-            known = ", ".join(sorted(kinds.keys() - _ENDLESS.keys() - {"behaviors"}))
+            known = sorted(kinds.keys() - _ENDLESS.keys() - {"behaviors"})
             raise BadInput(
                 f"--set {setting}: write NAME=VALUE with a parameter of fusion (the world states stay as they were "
-                f"recorded): {known}"
+                f"recorded); {similar(name, known)}"
             )
         values[name] = parsed(text, kinds[name], name, PROGRAM)
     parameters = from_mapping(FusionParameters, values, PROGRAM)

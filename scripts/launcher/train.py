@@ -38,6 +38,8 @@ def main(argv: Sequence[str]) -> int:
         print(error, file=sys.stderr)
         return _BAD_INPUT
     panel = Panel()
+    for note in match.notes:
+        panel.say(note)
     begun_s = monotonic()
 
     def episode_ended() -> bool:

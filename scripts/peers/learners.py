@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from time import process_time
 from typing import Any
@@ -14,6 +14,7 @@ from fbql_fusion.core.session import Session
 from fbql_sim.core.world_loop import WorldLoop
 from fbql_sim.gymnasium_env import WheelsEnv
 from launcher.in_process import play
+from studies.training import SENSED, SENSED_CRITIC
 from studies.tree_play import Score
 from studies.tuning import TUNING_SEED
 
@@ -30,7 +31,14 @@ CHOOSING_EPISODES = 20
 TABULAR = "tabular Q, one behavior"
 PPO_BLEND, PPO_WHEELS, PPO_SHAPED = "ppo, blend weights", "ppo, raw wheels", "ppo, raw wheels, shaped"
 FBQL_LITERAL, FBQL = "fbql literal", "fbql"
-CONTROLLERS = {FBQL_LITERAL: "fbql_literal", FBQL: "fbql"}
+CONTROLLERS: dict[str, tuple[str, Mapping[str, Any]]] = {
+    FBQL_LITERAL: ("fbql_literal", {}),
+    FBQL: ("fbql", {}),
+    SENSED: ("fbql", SENSED_CRITIC),
+}
+"""Method -> its controller, and what is changed of the defaults."""
+STEPS_OF_AN_EPISODE = 500
+"""About what an episode of a training of fbql takes: it is told how long the training will be, as its rate falls."""
 NEED_PPO = (PPO_BLEND, PPO_WHEELS, PPO_SHAPED)
 LEARNERS = (TABULAR, PPO_BLEND, PPO_WHEELS, PPO_SHAPED, *CONTROLLERS)
 
@@ -65,7 +73,7 @@ def learn(method: str, lesson: Lesson) -> Learned:
     if method == TABULAR:
         return _tabular(lesson)
     if method in CONTROLLERS:
-        return _session(CONTROLLERS[method], lesson)
+        return _session(*CONTROLLERS[method], lesson)
     return _ppo(method, lesson)
 
 
@@ -106,9 +114,11 @@ def _played(
     return Learned(score, course, way, seconds)
 
 
-def _session(controller: str, lesson: Lesson) -> Learned:
+def _session(controller: str, changes: Mapping[str, Any], lesson: Lesson) -> Learned:
     """A controller of fusion: guided episodes first, then it drives and learns; then frozen from its policy."""
-    session = Session(FusionParameters(controller=controller, seed=lesson.training_seed))
+    horizon = max(1, lesson.budget // STEPS_OF_AN_EPISODE)
+    fusion = FusionParameters(controller=controller, seed=lesson.training_seed, fbql_horizon=horizon, **changes)
+    session = Session(fusion)
     loop, course = WorldLoop(), Course(lesson.budget)
 
     def episode_ended() -> bool:
@@ -120,6 +130,6 @@ def _session(controller: str, lesson: Lesson) -> Learned:
     begun_s = process_time()
     play(session, loop, lesson.behaviors, episode_ended)
     seconds = process_time() - begun_s
-    frozen = FusionParameters(controller=controller, seed=lesson.evaluation_seed, episodes=lesson.episodes, learn=False)
+    frozen = replace(fusion, seed=lesson.evaluation_seed, episodes=lesson.episodes, learn=False)
     score = score_of_session(frozen, lesson.behaviors, loop, session.policy())
     return Learned(score, course, "frozen", seconds)

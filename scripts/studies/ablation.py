@@ -17,12 +17,11 @@ from studies import fusion_controls
 from studies.comparison import Runs, method_row, runs_by_method
 from studies.fusion_controls import PAPER, RETUNED, TUNED, control_tasks, controls_played
 from studies.study import Parameters, Result, Row, Task
-from studies.training import Seeds, check_options, frozen, train, training_of
+from studies.training import SENSED_CRITIC, Seeds, check_options, frozen, train, training_of
 from studies.training import add_options as add_training_options
 
 DESCRIPTION = (
-    "one change of fbql at a time (but for 'as it was before', four at once), each trained and played frozen like the "
-    "default"
+    "one change of fbql at a time (but for one of four at once), each trained and played frozen like the default"
 )
 SEEDS = Seeds(1101, 3000)
 """Others than the ladder's, so that a default chosen here is judged there by what it has not seen."""
@@ -42,14 +41,14 @@ def trained_variants() -> dict[str, Changes]:
         "no tilings of all": {"fbql_joint_tilings": 0},
         "leaves and pairs of leaves only": {"fbql_pair_tilings": 0, "fbql_joint_tilings": 0},
         "no mirror": {"fbql_mirror": False},
-        "sensed critic": {"fbql_world_tilings": 0},
+        "sensed critic": SENSED_CRITIC,
         "no guided episodes": {"guided": 0},
         "paper's guide": {"preset": "paper"},
         "paper's guide, failures imitated": {"preset": "paper", "fbql_imitate_failures": True},
         "guided, but not followed": {"fbql_guide_passes": 0},
         "no critic": {"fbql_value_rate": 0.0, "fbql_trace": 1.0},
-        "sensed critic, as it was before": {
-            "fbql_world_tilings": 0,
+        "sensed critic, with rates and trace chosen for it": {
+            **SENSED_CRITIC,
             "fbql_value_rate": 0.1,
             "fbql_trace": 0.975,
             "fbql_rate": 0.1,

@@ -49,9 +49,9 @@ def cost_of(run: Run) -> float:
 
 
 def p_of(ours: Runs, theirs: Runs) -> float | None:
-    """p of the paired test that both cost the same, run by run; None where there is nothing to pair."""
+    """p of the paired test that both cost the same, run by run; None where fewer than two can be paired."""
     both = [key for key in ours if key in theirs]
-    if not both or ours is theirs:
+    if len(both) < 2 or ours is theirs:
         return None
     return paired_p_value(*([cost_of(runs[key]) for key in both] for runs in (ours, theirs)))
 

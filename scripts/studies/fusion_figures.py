@@ -23,6 +23,7 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullF
 from numpy.typing import NDArray
 
 from studies.courses import MEASURES
+from studies.training import SENSED
 
 Curves = Mapping[str, Any]
 """Name of a figure -> what it is drawn from, as plain JSON values."""
@@ -32,7 +33,7 @@ BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#888888"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY, BLACK, GREY)
 COLOURS = {
     "fbql": BLUE,
-    "fbql, sensed critic": SKY,
+    SENSED: SKY,
     "fbql_value": ORANGE,
     "subsumption, paper": VERMILLION,
     "subsumption, re-tuned": GREEN,

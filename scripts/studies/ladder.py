@@ -25,7 +25,7 @@ from studies.ladder_rungs import rung_rows, tree_rows
 from studies.learning_curves import Trainings, growth, learning
 from studies.paper import FIRST_RUN_SEED, FIRST_TREE_SEED, LEARNERS, after_guidance, as_it_learns, guided, untrained
 from studies.study import MEASURED, Parameters, Result, Row, Task
-from studies.training import Seeds, check_options, frozen, train, training_of
+from studies.training import SENSED, SENSED_CRITIC, Seeds, check_options, frozen, train, training_of
 from studies.training import add_options as add_training_options
 from studies.weight_maps import weight_maps
 
@@ -35,11 +35,9 @@ DESCRIPTION = (
 SEEDS = Seeds(FIRST_TREE_SEED, FIRST_RUN_SEED)
 
 FBQL, FBQL_VALUE = LEARNERS
-SENSED = "fbql, sensed critic"
-"""fbql whose critic, too, knows only what the behaviors sense."""
 TRAINED: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     FBQL: (FBQL, {}),
-    SENSED: (FBQL, {"fbql_world_tilings": 0}),
+    SENSED: (FBQL, SENSED_CRITIC),
     FBQL_VALUE: (FBQL_VALUE, {}),
 }
 """What is trained -> its controller, and what is changed of its defaults."""
@@ -86,6 +84,7 @@ def tasks(options: argparse.Namespace) -> list[Task]:
     """
     check_options(options)
     given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
+    alone = {"twins": True} if ASKED.get(options.learners) == SENSED else {}
     controls = control_tasks(SEEDS, options.trees, options.seeds, given)
     found: list[Task] = []
     for asked in ASKED if options.learners == ALL else [options.learners]:
@@ -93,7 +92,7 @@ def tasks(options: argparse.Namespace) -> list[Task]:
         found += [
             Task(
                 f"{asked}-trees{SEEDS.tree(k)}-seed{seed}",
-                {"part": learner, "set": k, "seed": seed, "episodes": options.episodes, **given},
+                {"part": learner, "set": k, "seed": seed, "episodes": options.episodes, **given, **alone},
             )
             for seed in range(options.seeds)
             for k in range(options.trees)
@@ -119,11 +118,12 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
     trained = train(fusion, behaviors, loop)
     training_s = perf_counter() - begun_s
     played: dict[str, tuple[FusionParameters, Policy | None]] = {}
-    if learner in LEARNERS:
-        drawn = training_of(fusion.seed, fusion.episodes, controller, **as_it_learns(controller))
-        played[untrained(learner)] = (fusion, None)
-        played[_drawn(learner)] = (drawn, None)
-        played[guided(learner)] = (fusion, after_guidance(fusion, behaviors, loop))
+    if learner in LEARNERS or parameters.get("twins"):
+        # The critic has no part in them: those of fbql are the sensed critic's as well.
+        drawn = training_of(fusion.seed, fusion.episodes, controller, **(changes | as_it_learns(controller)))
+        played[untrained(controller)] = (fusion, None)
+        played[_drawn(controller)] = (drawn, None)
+        played[guided(controller)] = (fusion, after_guidance(fusion, behaviors, loop))
     played[learner] = (fusion, trained.policy)
     judge, episodes = SEEDS.judging(tree_set, seed), parameters["evaluate"]
     begun_s = perf_counter()

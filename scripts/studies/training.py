@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -26,6 +26,10 @@ MOST_TREE_SETS = 9
 SEEDS_OF_A_TREE_SET = 100
 CURVE_EPISODES = 100
 """Training episodes of a point of the learning curve."""
+SENSED = "fbql, sensed critic"
+"""fbql whose critic, too, knows only what the behaviors sense."""
+SENSED_CRITIC: Mapping[str, Any] = {"fbql_world_tilings": 0}
+"""The parameters that make it."""
 LEARNED = ("keys", "theta", "mean", "value", "values")
 """What of a policy grows with what was visited."""
 

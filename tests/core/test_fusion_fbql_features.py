@@ -319,5 +319,5 @@ def test_arrays_are_of_the_types_that_are_told() -> None:
         "signed": ("bool", (6,)),
         "lengths": ("int64", (3,)),
         "offsets": ("float64", (8, 6)),
-        "resolution": ("int64", (6,)),
+        "resolution": ("int64", (7,)),
     }

@@ -16,7 +16,7 @@ from fbql_fusion.core.world_tiles import GROUPS, told_of, world_tiles
 from held_learners import arrays_of, frozen, learned
 from hypothesis import given
 from hypothesis import strategies as st
-from two_sides import TwoSides, goals, parameters, play, world_state
+from two_sides import Answers, TwoSides, goals, parameters, play, world_state
 
 ACROSS = ("robot_y_m", "ball_y_m", "ball_vy_m_s")
 NAMES = ("robot_x_m", "robot_y_m", "ball_x_m", "ball_y_m", "ball_vx_m_s", "ball_vy_m_s")
@@ -119,6 +119,30 @@ def test_no_weight_depends_on_the_world_state() -> None:
     found = drivers_of(policy)
     assert len(set(found)) == 2
     assert found == drivers_of(policy, ball_x_m=-0.6, ball_y_m=0.3, robot_x_m=0.2, ball_vx_m_s=0.5)
+    assert found == drivers_of(policy, ball_x_m=nan, ball_vy_m_s=inf, robot_y_m=1e30), "played without a look at it"
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+def test_what_is_kept_of_a_decision_is_what_was_told_then(mirror: bool) -> None:
+    """The keys of waiting episodes' last columns are those of the world states that were decided in, in the mirror's
+    way where there is one."""
+    session = Session(parameters(seed=1, own_horizon=60, fbql_mirror=mirror))
+    play(session, 60)
+    heard: list[World] = []
+
+    def listening(world: World, answers: Answers) -> Answers:
+        heard.append(world)
+        return answers
+
+    play(session, 4, listening)
+    arrays = arrays_of(session)
+    assert len(arrays["waiting_lengths"]) == 4
+    held = session.parameters.fbql_hold_steps
+    decided = [world for world in heard if world.ended or world.step % held == 0]
+    assert len({world.ball_y_m < 0.0 for world in decided}) == 2, "on both sides"
+    tiles = world_tiles(4)
+    rows = arrays["waiting_active"]
+    assert arrays["keys"][rows[:, -len(GROUPS) * 4 :]].tolist() == [tiles.keys(told_of(w, mirror)) for w in decided]
 
 
 @pytest.mark.parametrize("said", [nan, inf, -1e20])
@@ -151,7 +175,7 @@ def test_it_learns_with_and_without_and_a_policy_says_which(tilings: int) -> Non
     session = Session(parameters(**changes))
     play(session, 160)
     policy = learned(session)
-    assert policy.arrays["resolution"].tolist()[-1] == tilings
+    assert policy.arrays["resolution"].tolist()[-2:] == [tilings, 0]
     with pytest.raises(
         BadInput, match=f"learned with fbql_world_tilings {tilings}, but the parameter is {4 - tilings}"
     ):

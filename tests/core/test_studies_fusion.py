@@ -227,7 +227,7 @@ def test_the_papers_protocol_tells_rung_a_ties_and_courses(tmp_path: Path, monke
     )
     monkeypatch.setattr(paper, "MOST_EPISODES", 3)
     monkeypatch.setattr(paper, "GUIDED_EPISODES", 3)
-    found = tasks(paper, *SMALL, "--goals", "1")
+    found = tasks(paper, *SMALL, "--seeds", "2", "--goals", "1")
     results = {task.key: paper.run({**task.parameters, "max_steps": 600}) for task in found}
     assert json.loads(json.dumps(results, allow_nan=False)) == results
     rows = paper.table(results)
@@ -254,6 +254,15 @@ def row(method: str, tree_seed: int, seed: int, steps: int, **figures: int) -> d
     counted = {"goals": 100, "own_goals": 0, "timeouts": 0, "episodes": 100, "collisions_begun": 100}
     counted |= {"collision_steps": 500, "steps_to_goals": steps, **figures}
     return {"method": method, "tree_seed": tree_seed, "seed": seed, "steps": steps, **counted}
+
+
+def test_the_sensed_critic_alone_plays_the_twins_too() -> None:
+    alone = tasks(ladder, *SMALL, "--learners", "fbql_sensed")
+    assert alone[0].parameters["twins"]
+    assert not any("twins" in task.parameters for task in tasks(ladder, *SMALL))
+    result = ladder.run({**alone[0].parameters, "episodes": 3, "evaluate": 1})
+    twins = ["fbql, never learned", "fbql, never learned, drawn", "fbql, only guided"]
+    assert [run["method"] for run in result["runs"]] == [*twins, ladder.SENSED]
 
 
 def ladder_of(learned: dict[int, int], learner: str = "fbql", **figures: int) -> dict[str, Result]:

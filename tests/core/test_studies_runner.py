@@ -216,6 +216,9 @@ def test_a_table_in_words_has_aligned_columns_and_says_where_a_number_is_missing
     assert as_text(rows).splitlines() == ["name  value", "   a  1.235", " bcd    n/a"]
     assert as_text([*rows, {"n": 3}]).splitlines()[3:] == ["", "n", "3"]
     assert as_text([]) == "no results"
+    assert as_text(rows, width=5).splitlines() == ["name  value", "   a  1.235", " bcd    n/a"], "at least two columns"
+    wide = as_text([{"name": "a", "first": 1, "second": 2, "third": 3}], width=20)
+    assert wide.splitlines() == ["name  first  second", "   a      1       2", "", "name  third", "   a      3"]
 
 
 @pytest.mark.long

@@ -74,7 +74,7 @@ class TwoSides:
         """The first world state of an episode."""
         self._rng = np.random.default_rng(seed)
         self._x, self._y = self._rng.random(), 0.5
-        return world_state(episode, 0)
+        return self._world(episode, 0)
 
     def answers(self) -> Answers:
         """ "up" senses where the point is from left to right, "down" how high it is. The leaves are quarters of it."""
@@ -90,8 +90,14 @@ class TwoSides:
         if self._y >= 0.98 or self._y <= 0.02:
             won = self._y > 0.5
             self._y = 0.5
-            return world_state(world.episode, step, goal=won, own_goal=not won, terminated=True)
-        return world_state(world.episode, step, truncated=step == MAX_STEPS)
+            return self._world(world.episode, step, goal=won, own_goal=not won, terminated=True)
+        return self._world(world.episode, step, truncated=step == MAX_STEPS)
+
+    def _world(self, episode: int, step: int, **changes: object) -> World:
+        """The world state: the ball is the point, the robot is opposite."""
+        x, y = self._x - 0.5, self._y - 0.5
+        place = {"ball_x_m": y, "ball_y_m": x, "ball_vx_m_s": y / 2.0, "robot_x_m": -y, "robot_y_m": -x}
+        return world_state(episode, step, **(place | changes))
 
 
 def play(session: Session, episodes: int, heard: Heard = lambda _, answers: answers) -> list[Decision]:

@@ -127,6 +127,8 @@ class Resolution(NamedTuple):
     """Tiles along each component of such a tiling."""
     world_tilings: int = 0
     """Tilings of the world state, for each of `world_tiles.GROUPS`, which V alone goes by."""
+    mirror: bool = True
+    """Whether situations that mirror each other share their tiles."""
 
 
 class Features:
@@ -241,7 +243,7 @@ class Features:
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """keys int64 [m], knots float64 [d, KNOTS], signed bool [d], lengths int64 [n], offsets float64 [tilings, d],
-        resolution int64 [6]."""  # fmt: skip
+        resolution int64 [7]."""  # fmt: skip
         scales = self.scales
         return {
             "keys": self.keys,
@@ -255,18 +257,8 @@ class Features:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], resolution: Resolution, behaviors: int) -> Features:
         """The features that `to_arrays` told of. Raises BadInput where the arrays can't be it."""
-        if "resolution" in arrays and arrays["resolution"].shape == (len(resolution) - 1,):
-            raise BadInput(
-                "the policy's array 'resolution' is of an earlier version, which told V nothing; train again"
-            )
-        check_arrays(arrays, {"resolution": ("i", (len(resolution),)), "lengths": ("i", (behaviors,))})
-        learned: list[int] = arrays["resolution"].tolist()
-        for name, found, asked in zip(Resolution._fields, learned, resolution, strict=True):
-            if found != asked:
-                raise BadInput(
-                    f"the policy was learned with fbql_{name} {found}, but the parameter is {int(asked)}; "
-                    "play it as it was learned, or take another policy"
-                )
+        check_arrays(arrays, {"lengths": ("i", (behaviors,)), "signed": ("b", (rows_of(arrays, "signed"),))})
+        _check_resolution(arrays, resolution)
         lengths: list[int] = arrays["lengths"].tolist()
         if min(lengths) < 0:
             raise BadInput("the policy's array 'lengths' has a number below 0")
@@ -279,3 +271,23 @@ class Features:
         features = cls(Scales(arrays["knots"], arrays["signed"], lengths), resolution, arrays["offsets"])
         features.take_keys(arrays["keys"])
         return features
+
+
+def _check_resolution(arrays: Mapping[str, NDArray[Any]], asked: Resolution) -> None:
+    """Raises BadInput where features were made with another resolution than the parameters'.
+
+    Earlier policies do not say all of it: those of five numbers are from before V was told anything, and of those of six
+    a mirror shows in what it made signed, if in anything.
+    """
+    missing = len(asked) - rows_of(arrays, "resolution")
+    later = [0, int(asked.mirror or arrays["signed"].any())]
+    told = len(asked) - missing if 0 < missing <= len(later) else len(asked)
+    check_arrays(arrays, {"resolution": ("i", (told,))})
+    learned = arrays["resolution"].tolist() + later[len(later) - missing :]
+    for name, found, given in zip(Resolution._fields, learned, asked, strict=True):
+        if found != given:
+            said = bool(found) if isinstance(given, bool) and found in (0, 1) else found
+            raise BadInput(
+                f"the policy was learned with fbql_{name} {str(said).lower()}, but the parameter is {str(given).lower()}; "
+                "play it as it was learned, or take another policy"
+            )

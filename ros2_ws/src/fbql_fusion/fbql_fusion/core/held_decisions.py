@@ -12,7 +12,6 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
-from fbql_common.core.errors import BadInput
 from fbql_common.core.types import DRIVER_BLEND, BehaviorOutput, Phase, World
 from numpy.typing import NDArray
 
@@ -68,6 +67,7 @@ class HeldDecisions(ABC):
             parameters.fbql_joint_tilings,
             parameters.fbql_joint_tiles,
             holding.world_tilings,
+            parameters.fbql_mirror,
         )
         self._alone = tuple(tuple(1.0 if i == driver else 0.0 for i in range(n)) for driver in range(n))
         self._features: Features | None = None
@@ -154,7 +154,7 @@ class HeldDecisions(ABC):
         observed = tuple([() if x is None else x.observation for x in outputs])
         if self._episode is None or not self._resolution.world_tilings:
             return Situation(joint_state, observed)
-        return Situation(joint_state, observed, told_of(world, self._parameters.fbql_mirror))
+        return Situation(joint_state, observed, told_of(world, self._resolution.mirror))
 
     def _is_sound(self, situation: Situation) -> bool:
         """Whether all numbers are finite, and as many are sensed as ever, and nothing is out of this world: else it can't be
@@ -232,7 +232,7 @@ class HeldDecisions(ABC):
     def _look_back(self) -> None:
         """After the first episodes: makes the scales of what was sensed in them, and learns from them."""
         situations = [situation for episode in self._waiting for situation in episode.situations]
-        scales = Scales.of(situations, self._parameters.fbql_mirror)
+        scales = Scales.of(situations, self._resolution.mirror)
         offsets = Features.random_offsets(self._resolution, len(scales.knots), self._generator)
         self._features = features = Features(scales, self._resolution, offsets)
         for episode in self._waiting:
@@ -251,8 +251,6 @@ class HeldDecisions(ABC):
             The features. Raises BadInput.
         """
         features = Features.from_arrays(arrays, self._resolution, self._behaviors)
-        if features.scales.signed.any() and not self._parameters.fbql_mirror:
-            raise BadInput("the policy was learned with fbql_mirror true, but the parameter is false")
         m = len(features)
         check_arrays(arrays, {name: ("f", (m, *row)) for name, row in columns.items()})
         self._features, self._lengths = features, features.scales.lengths

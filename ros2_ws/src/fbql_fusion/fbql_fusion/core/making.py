@@ -9,6 +9,10 @@ from fbql_fusion.core.fbql import Fbql
 from fbql_fusion.core.fbql_value import FbqlValue
 from fbql_fusion.core.parameters import FusionParameters
 
+_LEARNERS = {"fbql": Fbql, "fbql_value": FbqlValue, "fbql_literal": FbqlLiteral}
+LEARNERS = frozenset(_LEARNERS)
+"""The controllers that learn, and start from a policy where they are given one."""
+
 
 def make_controller(parameters: FusionParameters) -> Controller:
     """Makes it, with a random stream of its own from the run's seed."""
@@ -16,6 +20,6 @@ def make_controller(parameters: FusionParameters) -> Controller:
         return Subsumption(parameters)
     if parameters.controller == "uniform":
         return Uniform(parameters)
-    learners = {"fbql": Fbql, "fbql_value": FbqlValue, "fbql_literal": FbqlLiteral}
-    learner = learners[parameters.controller]
-    return learner(parameters, np.random.default_rng(np.random.SeedSequence(parameters.seed, spawn_key=(0,))))
+    return _LEARNERS[parameters.controller](
+        parameters, np.random.default_rng(np.random.SeedSequence(parameters.seed, spawn_key=(0,)))
+    )

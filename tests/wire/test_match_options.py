@@ -1,0 +1,73 @@
+"""What a match starts from, told by its options: the policy that ships, another one, or nothing, and what is said of it."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from fbql_common.core.errors import BadInput
+from launcher.in_process import parts_of
+from launcher.options import Match, match_from, match_parser, shipped_policy, shipped_trees
+
+
+def match(*words: str) -> Match:
+    return match_from(match_parser("play", "").parse_args(words), "play")
+
+
+def test_copies_of_the_trees_that_ship_are_played_with_the_policy_that_ships(tmp_path: Path) -> None:
+    shutil.copytree(shipped_trees(), tmp_path / "trees")
+    for words in ((), ("--trees", str(tmp_path / "trees")), ("--no-learn",)):
+        found = match(*words)
+        assert (found.policy, found.notes) == (shipped_policy(), ())
+
+
+def test_other_trees_start_from_nothing_and_it_is_said(tmp_path: Path) -> None:
+    trees = shutil.copytree(shipped_trees(), tmp_path / "trees")
+    tree = Path(trees) / "approaching.json"
+    tree.write_text(tree.read_text() + "\n")
+    found = match("--trees", str(trees))
+    assert found.policy is None
+    assert [note.split(":")[0] for note in found.notes] == ["starts from nothing"]
+    assert match("--trees", str(trees), "--policy", "none").notes == (), "as it was asked for"
+    assert match("--trees", str(trees), "--controller", "subsumption").notes == ()
+
+
+def test_a_tree_that_cannot_be_read_is_no_traceback(tmp_path: Path) -> None:
+    trees = shutil.copytree(shipped_trees(), tmp_path / "trees")
+    (Path(trees) / "approaching.json").unlink()
+    with pytest.raises(BadInput, match="no tree for behavior 'approaching'"):
+        match("--trees", str(trees))
+
+
+@pytest.mark.parametrize("controller", ["fbql_value", "fbql_literal"])
+def test_one_that_neither_learns_nor_has_a_policy_is_told_so(controller: str) -> None:
+    assert match("--controller", controller).notes == ()
+    (note,) = match("--controller", controller, "--no-learn").notes
+    assert note.startswith(f"{controller} neither learns nor has a policy")
+
+
+def test_a_parameter_that_the_shipped_policy_does_not_fit_names_it_and_the_way_out() -> None:
+    with pytest.raises(BadInput) as refused:
+        parts_of(match("--set", "fbql_world_tilings=0"))
+    assert str(refused.value).startswith(f"{shipped_policy()}: the policy was learned with fbql_world_tilings 4")
+    assert str(refused.value).endswith("--policy none starts without")
+    without = match("--set", "fbql_world_tilings=0", "--policy", "none")
+    assert parts_of(without).session.next_episode() is not None
+
+
+@pytest.mark.parametrize(
+    ("setting", "says"),
+    [
+        ("fbql_rte=0.1", "no parameter 'fbql_rte'; did you mean fbql_rate"),
+        ("nonsense=1", "no parameter 'nonsense'; docs/parameters.md has the names"),
+        ("fbql_rate", "write NAME=VALUE; docs/parameters.md"),
+        ("=3", "write NAME=VALUE; docs/parameters.md"),
+        ("fbql_hold_steps=1.5", "'1.5' is no whole number"),
+        ("fbql_rate=much", "'much' is no number"),
+    ],
+)
+def test_a_setting_that_is_none_says_what_is_meant(setting: str, says: str) -> None:
+    with pytest.raises(BadInput, match=r"^play: --set ") as refused:
+        match("--set", setting)
+    assert says in str(refused.value)
