@@ -170,8 +170,9 @@ def _row(
         paired = [(each, control[run]) for run, each in by_run.items() if run in control]
         ratio, p = nan, None
         if paired and by_run is not control:
-            ours, theirs = ([_cost(each) for each in side] for side in zip(*paired, strict=True))
-            p = paired_p_value(ours, theirs)
+            if len(paired) > 1:
+                ours, theirs = ([_cost(each) for each in side] for side in zip(*paired, strict=True))
+                p = paired_p_value(ours, theirs)
             ratio = cost.estimate / _ratio([each for _, each in paired], "steps", "goals").estimate
         compared |= {f"ratio_{name}": ratio, f"p_{name}": p}
     row: Row = {
