@@ -73,7 +73,7 @@ def method_row(method: str, by_method: Mapping[str, Runs], controls: Mapping[str
         "cost_per_goal": cost.estimate,
         "cost_low": cost.low,
         "cost_high": cost.high,
-        "steps_per_success": ratio(own, "steps_to_goals", "goals").estimate,
+        "steps_per_success": ratio(own, "steps_to_goals", "goals").estimate if _is_counted(own) else nan,
         "collisions_begun_per_goal": ratio(own, "collisions_begun", "goals").estimate,
         "collision_steps_per_goal": ratio(own, "collision_steps", "goals").estimate,
     }
@@ -99,6 +99,11 @@ def filled(rows: Iterable[Row]) -> list[Row]:
 def finite(row: Row) -> Row:
     """The row with None for what is not a finite number: a table is JSON."""
     return {key: None if isinstance(value, float) and not isfinite(value) else value for key, value in row.items()}
+
+
+def _is_counted(runs: Runs) -> bool:
+    """Whether the steps of the episodes that ended in a goal were counted apart from the others."""
+    return all("steps_to_goals" in run for run in runs.values())
 
 
 def _of(runs: Runs, tree_seed: int) -> Runs:

@@ -247,6 +247,48 @@ def scaling_figure(numbers: Mapping[str, Any]) -> Figure:
     return figure
 
 
+def peers_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Cost of a goal and success rate of every method, with intervals."""
+    figure = Figure((9.5, 0.27 * len(rows) + 0.9), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for axis, (name, label) in zip(
+        axes, (("cost", "steps of all episodes / goals"), ("success", "success rate")), strict=True
+    ):
+        for place, row in enumerate(rows):
+            estimate, low, high = row[name]
+            if estimate is not None:
+                ends = [estimate if end is None else end for end in (low, high)]
+                axis.plot(ends, [place, place], color=BLUE, lw=2)
+                axis.plot(estimate, place, "o", color=BLUE, ms=4)
+        axis.set_xlabel(label)
+        axis.grid(axis="x", lw=0.4)
+    axes[0].set_xscale("log")
+    axes[0].xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes[0].xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axes[0].xaxis.set_minor_formatter(NullFormatter())
+    axes[0].set_yticks(range(len(rows)), [row["method"] for row in rows])
+    axes[0].set_ylim(len(rows) - 0.4, -0.6)
+    return figure
+
+
+def peers_training_figure(numbers: Mapping[str, Any]) -> Figure:
+    """Success rate over the course of the trainings, exploration included."""
+    figure = Figure((9.5, 3.4), layout="constrained")
+    axis = figure.subplots()
+    for place, (method, lines) in enumerate(numbers.items()):
+        estimate, low, high = (_known(line) for line in lines)
+        at = [(i + 0.5) / len(estimate) for i in range(len(estimate))]
+        axis.plot(at, estimate, color=SERIES[place], label=method)
+        axis.fill_between(at, low, high, color=SERIES[place], alpha=0.2, lw=0)
+    axis.set_xlabel("share of the budget")
+    axis.set_title("success rate in training", fontsize=9)
+    axis.set_xlim(0, 1)
+    axis.set_ylim(-0.02, 1.02)  # lines at the edges are to be seen
+    axis.grid(lw=0.4)
+    axis.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
 FIGURES: dict[str, Callable[[Any], Figure]] = {
     "paper": paper_figure,
     "learning": learning_figure,
@@ -255,5 +297,7 @@ FIGURES: dict[str, Callable[[Any], Figure]] = {
     "ablation": partial(intervals_figure, name="ratio_default", label="cost/goal to the default's"),
     "maps": maps_figure,
     "scaling": scaling_figure,
+    "peers": peers_figure,
+    "peers_training": peers_training_figure,
 }
 """Name -> what draws it."""

@@ -96,7 +96,36 @@ def scaling_tables(data: Data) -> dict[str, str]:
     return {"behaviors": markdown(head, body)}
 
 
-TABLES = {"paper": paper_tables, "ladder": ladder_tables, "ablation": ablation_tables, "scaling": scaling_tables}
+def peers_tables(data: Data) -> dict[str, str]:
+    """Title -> table of the peers."""
+    head = ["method", "runs", "goals / episodes", "own goals", "success rate", "cost/goal (95 %)", "contact steps / goal",
+            "to re-tuned", "training [s]", "played"]  # fmt: skip
+    body = [
+        [
+            row["method"],
+            str(row["runs"]),
+            f"{row['goals']} / {row['episodes']}",
+            str(row["own_goals"]),
+            number(row["success_rate"], ".3f"),
+            _spread(row, "cost_per_goal", "cost", ".0f"),
+            number(row["collision_steps_per_goal"], ".0f"),
+            _compared(row, "retuned"),
+            number(row["training_seconds"], ".0f"),
+            row["note"],
+        ]
+        for row in data["table"]
+        if row["runs"]
+    ]
+    return {"the same budget": markdown(head, body)}
+
+
+TABLES = {
+    "paper": paper_tables,
+    "ladder": ladder_tables,
+    "ablation": ablation_tables,
+    "peers": peers_tables,
+    "scaling": scaling_tables,
+}
 """Study -> its tables."""
 
 

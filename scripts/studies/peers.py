@@ -11,15 +11,17 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
-from math import isfinite, nan
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.errors import BadInput
 from launcher.make_trees import make_tree
 
-from studies.inference import Interval, paired_p_value, ratio_of_sums
+from studies.comparison import Runs, method_row, ratio, runs_by_method
+from studies.inference import Resamples
 from studies.paper import BEHAVIORS, FIRST_RUN_SEED, FIRST_TREE_SEED
 from studies.study import MEASURED, Parameters, Result, Row, Task
 from studies.tree_play import Score
@@ -131,84 +133,69 @@ def table(results: Mapping[str, Result]) -> list[Row]:
     from peers.learners import NEED_PPO
 
     runs = runs_of(results)
-    controls = {"retuned": runs.get(RETUNED, {}), "paper": runs.get(PAPER, {})}
     seconds: dict[str, list[float]] = {}
     for result in results.values():
         if MEASURED in result:
             seconds.setdefault(result["runs"][0]["method"], []).append(result[MEASURED]["training_s"])
-    rows = [_row(method, by_run, controls, seconds.get(method, [])) for method, by_run in runs.items()]
+    rows = [
+        {
+            **method_row(method, runs, {"retuned": RETUNED, "paper": PAPER}),
+            "training_steps": _mean([each["training_steps"] for each in by_run.values()]),
+            "training_seconds": _mean(seconds.get(method, [])),
+            "note": ", ".join(sorted({each["played"] for each in by_run.values() if "played" in each})),
+        }
+        for method, by_run in runs.items()
+    ]
     if results and find_spec(EXTRA) is None:
         missing = [method for method in NEED_PPO if method not in runs]
         rows += [{**dict.fromkeys(rows[0]), "method": each, "runs": 0, "note": NOT_INSTALLED} for each in missing]
     return rows
 
 
-def runs_of(results: Mapping[str, Result]) -> dict[str, dict[tuple[int, int], dict[str, Any]]]:
+def runs_of(results: Mapping[str, Result]) -> dict[str, Runs]:
     """Method -> (tree seed, seed) -> run, controls first."""
     from peers.controls import METHODS
     from peers.learners import LEARNERS
 
-    found: dict[str, dict[tuple[int, int], dict[str, Any]]] = {method: {} for method in (*METHODS, *LEARNERS)}
-    for result in results.values():
-        for each in result["runs"]:
-            found[each["method"]][each["tree_seed"], each["seed"]] = each
-    return {method: by_run for method, by_run in found.items() if by_run}
+    return runs_by_method((run for result in results.values() for run in result["runs"]), (*METHODS, *LEARNERS))
 
 
-def _row(
-    method: str,
-    by_run: Mapping[tuple[int, int], Mapping[str, Any]],
-    controls: Mapping[str, Mapping[tuple[int, int], Mapping[str, Any]]],
-    seconds: Sequence[float],
-) -> Row:
-    own = list(by_run.values())
-    goals = sum(each["goals"] for each in own)
-    success = _ratio(own, "goals", "episodes")
-    cost = _ratio(own, "steps", "goals")
-    compared: Row = {}
-    for name, control in controls.items():
-        paired = [(each, control[run]) for run, each in by_run.items() if run in control]
-        ratio, p = nan, None
-        if paired and by_run is not control:
-            if len(paired) > 1:
-                ours, theirs = ([_cost(each) for each in side] for side in zip(*paired, strict=True))
-                p = paired_p_value(ours, theirs)
-            ratio = cost.estimate / _ratio([each for _, each in paired], "steps", "goals").estimate
-        compared |= {f"ratio_{name}": ratio, f"p_{name}": p}
-    row: Row = {
-        "method": method,
-        "runs": len(own),
-        "episodes": sum(each["episodes"] for each in own),
-        "goals": goals,
-        "own_goals": sum(each["own_goals"] for each in own),
-        "timeouts": sum(each["timeouts"] for each in own),
-        "success_rate": success.estimate,
-        "cost_per_goal": cost.estimate,
-        "cost_low": cost.low,
-        "cost_high": cost.high,
-        "collisions_begun_per_goal": sum(each["collisions_begun"] for each in own) / goals if goals else nan,
-        "collision_steps_per_goal": sum(each["collision_steps"] for each in own) / goals if goals else nan,
-        **compared,
-        "training_steps": sum(each["training_steps"] for each in own) / len(own),
-        "training_seconds": sum(seconds) / len(seconds) if seconds else nan,
-        "note": ", ".join(sorted({each["played"] for each in own if "played" in each})),
-    }
-    return {name: None if isinstance(value, float) and not isfinite(value) else value for name, value in row.items()}
-
-
-def _ratio(runs: Sequence[Mapping[str, Any]], numerator: str, denominator: str) -> Interval:
-    return ratio_of_sums([each[numerator] for each in runs], [each[denominator] for each in runs])
-
-
-def _cost(run: Mapping[str, Any]) -> float:
-    """cost/goal of a run; one without a goal costs what it took."""
-    return run["steps"] / max(run["goals"], 1)
+def _mean(values: Sequence[float]) -> float | None:
+    return sum(values) / len(values) if values else None
 
 
 def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
-    """What each method costs, and the course of the trainings."""
+    """What each method costs, the course of the trainings, and the numbers they are drawn from (curves.json)."""
     if not results:
         return []
-    from studies.peer_figures import draw
+    from studies.fusion_figures import draw, write_curves
 
-    return draw(runs_of(results), directory)
+    runs = runs_of(results)
+    curves: dict[str, Any] = {
+        "peers": [
+            {
+                "method": method,
+                "cost": _told(ratio(by_run, "steps", "goals")),
+                "success": _told(ratio(by_run, "goals", "episodes")),
+            }
+            for method, by_run in runs.items()
+        ]
+    }
+    trained = {method: by_run for method, by_run in runs.items() if all("curve" in run for run in by_run.values())}
+    if trained:
+        curves["peers_training"] = {method: _course(list(by_run.values())) for method, by_run in trained.items()}
+    return [write_curves(curves, directory), *draw(curves, directory)]
+
+
+def _course(runs: Sequence[Mapping[str, Any]]) -> list[list[float | None]]:
+    """Success rate in each slice of the budget, exploration included: estimates, lows and highs."""
+    resamples = Resamples([run["tree_seed"] for run in runs])
+    goals, episodes = (
+        np.array([[part[name] for part in run["curve"]] for run in runs], dtype=np.float64)
+        for name in ("goals", "episodes")
+    )
+    return [_told(line) for line in resamples.ratio_band(goals, episodes).tolist()]
+
+
+def _told(values: Sequence[float]) -> list[float | None]:
+    return [x if isfinite(x) else None for x in values]
