@@ -37,6 +37,7 @@ COLOURS = {
     "fbql_value": ORANGE,
     "subsumption, paper": VERMILLION,
     "subsumption, re-tuned": GREEN,
+    "fbql, paper's guide": BLACK,
     "fbql literal, ties: none": PURPLE,
     "scripted law, sees all": GREY,
 }
@@ -154,6 +155,7 @@ def coverage_figure(numbers: Mapping[str, Any]) -> Figure:
     axis.set_xlabel("training episodes")
     axis.set_title("joint states met; above: the product of the leaves", fontsize=9)
     axis.grid(lw=0.4)
+    axis.legend(frameon=False, loc="center right", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 

@@ -118,7 +118,7 @@ def add_max_steps(parser: argparse.ArgumentParser) -> None:
     )
 
 
-DRAWN = (PAPER, RETUNED, "fbql literal, ties: none", *LEARNERS)
+DRAWN = (PAPER, RETUNED, "fbql literal, ties: none", *LEARNERS, papers_guide(LEARNERS[0]))
 """The methods of the figures."""
 
 

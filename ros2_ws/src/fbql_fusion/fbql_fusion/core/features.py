@@ -202,8 +202,10 @@ class Features:
         the first time get an index."""
         index = self._index
         keys = self._keys(situation, situation.told if self.told_features else ())
-        found = [index[key] for key in keys if key in index]
-        return found if len(found) == len(keys) else [index.setdefault(key, len(index)) for key in keys]
+        try:
+            return list(map(index.__getitem__, keys))
+        except KeyError:
+            return [index.setdefault(key, len(index)) for key in keys]
 
     def active_in(self, row: list[int]) -> list[int]:
         """The active features of a row."""
@@ -235,7 +237,8 @@ class Features:
         flat: list[float] = []
         for own, length in zip(ranks, self.scales.lengths, strict=True):
             flat += own or [0.0] * length
-        found = tilings.keys([*flat, *told])
+        flat += told
+        found = tilings.keys(flat)
         if False not in known:
             return keys + found
         needs = self._needs[: len(found)]

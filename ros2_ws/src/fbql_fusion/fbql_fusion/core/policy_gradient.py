@@ -26,7 +26,7 @@ def preferences(theta: Floats, active: Sequence[int]) -> list[float]:
     known = len(theta)
     if active and max(active) >= known:
         active = [f for f in active if f < known]
-    return theta.take(active, axis=0).sum(axis=0).tolist() if active else [0.0] * theta.shape[1]
+    return np.add.reduce(theta.take(active, axis=0), axis=0).tolist() if active else [0.0] * theta.shape[1]
 
 
 def softmax(values: Sequence[float]) -> tuple[float, ...]:

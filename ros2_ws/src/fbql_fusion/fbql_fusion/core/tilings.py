@@ -51,7 +51,7 @@ class Tilings(NamedTuple):
         at += self.shifts
         tiles = np.floor(at, out=at).astype(np.int64)
         tiles *= self.factors
-        keys = tiles.sum(axis=1)
+        keys = np.add.reduce(tiles, axis=1)
         keys += self.families
         keys &= _TILE
         return keys.tolist()
