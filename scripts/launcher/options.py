@@ -10,6 +10,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn
 
+from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, types_of
 from fbql_fusion.core.making import LEARNERS
@@ -169,9 +170,11 @@ def _are_shipped(behaviors: dict[str, Path]) -> bool:
     if list(behaviors) != FusionParameters().behaviors:
         return False
     try:
-        return all(path.read_bytes() == _tree_file(name, None, "").read_bytes() for name, path in behaviors.items())
-    except OSError:
-        return False  # it is said where the tree is read
+        return all(
+            load_tree(path).hash == load_tree(_tree_file(name, None, "")).hash for name, path in behaviors.items()
+        )
+    except BadInput:
+        return False  # it is said where the tree is played
 
 
 def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any], program: str) -> None:

@@ -163,21 +163,31 @@ def intervals_figure(rows: Sequence[Mapping[str, Any]], name: str, label: str) -
     """A ratio and its interval for each method, on a logarithmic axis; 1 is the control."""
     figure = Figure((7.0, 0.27 * len(rows) + 0.9), layout="constrained")
     axis = figure.subplots()
-    for place, row in enumerate(rows):
-        if row[name] is not None:
-            low, high = (row[name] if row[f"{name}_{end}"] is None else row[f"{name}_{end}"] for end in ("low", "high"))
-            axis.plot([low, high], [place, place], color=BLUE, lw=2)
-            axis.plot(row[name], place, "o", color=BLUE, ms=4)
+    _intervals(axis, [(row[name], row[f"{name}_low"], row[f"{name}_high"]) for row in rows])
+    _on_a_logarithmic_axis(axis)
     axis.axvline(1.0, color=GREY, lw=0.8)
+    axis.set_yticks(range(len(rows)), [row["method"] for row in rows])
+    axis.set_ylim(len(rows) - 0.4, -0.6)
+    axis.set_xlabel(label)
+    return figure
+
+
+def _intervals(axis: Axes, found: Sequence[Sequence[float | None]]) -> None:
+    """Estimates with their low and high ends, one below the other. An end that is not known goes on to the edge."""
+    edges = [x for each in found for x in each if x is not None]
+    for place, (estimate, low, high) in enumerate(found):
+        if estimate is not None:
+            ends = [min(edges) if low is None else low, max(edges) if high is None else high]
+            axis.plot(ends, [place, place], color=BLUE, lw=2)
+            axis.plot(estimate, place, "o", color=BLUE, ms=4)
+    axis.grid(axis="x", lw=0.4)
+
+
+def _on_a_logarithmic_axis(axis: Axes) -> None:
     axis.set_xscale("log")
     axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
     axis.xaxis.set_minor_formatter(NullFormatter())
-    axis.set_yticks(range(len(rows)), [row["method"] for row in rows])
-    axis.set_ylim(len(rows) - 0.4, -0.6)
-    axis.grid(axis="x", lw=0.4)
-    axis.set_xlabel(label)
-    return figure
 
 
 def maps_figure(numbers: Mapping[str, Any]) -> Figure:
@@ -253,21 +263,11 @@ def peers_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Cost of a goal and success rate of every method, with intervals."""
     figure = Figure((9.5, 0.27 * len(rows) + 0.9), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
-    for axis, (name, label) in zip(
-        axes, (("cost", "steps of all episodes / goals"), ("success", "success rate")), strict=True
-    ):
-        for place, row in enumerate(rows):
-            estimate, low, high = row[name]
-            if estimate is not None:
-                ends = [estimate if end is None else end for end in (low, high)]
-                axis.plot(ends, [place, place], color=BLUE, lw=2)
-                axis.plot(estimate, place, "o", color=BLUE, ms=4)
+    labels = {"cost": "steps of all episodes / goals", "success": "success rate"}
+    for axis, (name, label) in zip(axes, labels.items(), strict=True):
+        _intervals(axis, [row[name] for row in rows])
         axis.set_xlabel(label)
-        axis.grid(axis="x", lw=0.4)
-    axes[0].set_xscale("log")
-    axes[0].xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes[0].xaxis.set_major_formatter(FormatStrFormatter("%g"))
-    axes[0].xaxis.set_minor_formatter(NullFormatter())
+    _on_a_logarithmic_axis(axes[0])
     axes[0].set_yticks(range(len(rows)), [row["method"] for row in rows])
     axes[0].set_ylim(len(rows) - 0.4, -0.6)
     return figure
@@ -277,11 +277,13 @@ def peers_training_figure(numbers: Mapping[str, Any]) -> Figure:
     """Success rate over the course of the trainings, exploration included."""
     figure = Figure((9.5, 3.4), layout="constrained")
     axis = figure.subplots()
+    others = [colour for colour in SERIES if colour not in {COLOURS.get(method) for method in numbers}]
     for place, (method, lines) in enumerate(numbers.items()):
         estimate, low, high = (_known(line) for line in lines)
         at = [(i + 0.5) / len(estimate) for i in range(len(estimate))]
-        axis.plot(at, estimate, color=SERIES[place], label=method)
-        axis.fill_between(at, low, high, color=SERIES[place], alpha=0.2, lw=0)
+        colour = COLOURS.get(method, others[place % len(others)])
+        axis.plot(at, estimate, color=colour, label=method)
+        axis.fill_between(at, low, high, color=colour, alpha=0.2, lw=0)
     axis.set_xlabel("share of the budget")
     axis.set_title("success rate in training", fontsize=9)
     axis.set_xlim(0, 1)

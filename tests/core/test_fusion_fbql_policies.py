@@ -279,6 +279,12 @@ def test_a_policy_of_before_says_less_of_its_resolution_and_is_taken_as_what_it_
     assert again.arrays["resolution"].tolist() == policy.arrays["resolution"].tolist()
     signed = earlier | {"signed": np.ones_like(earlier["signed"])}
     assert "fbql_mirror true, but the parameter is false" in refusal(learner, signed, **told)
+    asked = parameters(learner, fbql_mirror=True, **told)
+    if told.get("fbql_world_tilings"):
+        assert "fbql_mirror false, but the parameter is true" in refusal(learner, earlier, fbql_mirror=True, **told)
+    else:
+        taken = Session(asked, policy._replace(arrays=earlier)).policy()
+        assert taken is not None, "nothing is mirrored, and V is told nothing: there is no difference"
     if told.get("fbql_world_tilings") == 0:
         assert "fbql_world_tilings 0, but the parameter is 4" in refusal(learner, earlier)
 

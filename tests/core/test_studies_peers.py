@@ -131,7 +131,7 @@ def test_a_task_gives_the_same_result_again_and_its_figures_can_be_drawn(tmp_pat
     assert {**peers.run(task.parameters), MEASURED: 0} == {**result, MEASURED: 0}
     row = result["runs"][0]
     assert (row["method"], row["episodes"]) == (TABULAR, 2)
-    assert sum(part["episodes"] for part in row["curve"]) >= 0
+    assert 0 < sum(part["steps"] for part in row["curve"]) <= row["training_steps"] + 4000
     pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
     files = peers.figures({"a": result}, tmp_path)
     assert [file.name for file in files] == ["curves.json", "fusion_peers.svg", "fusion_peers_training.svg"]

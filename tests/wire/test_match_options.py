@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
 from launcher.in_process import parts_of
 from launcher.options import Match, match_from, match_parser, shipped_policy, shipped_trees
@@ -25,7 +28,10 @@ def test_copies_of_the_trees_that_ship_are_played_with_the_policy_that_ships(tmp
 def test_other_trees_start_from_nothing_and_it_is_said(tmp_path: Path) -> None:
     trees = shutil.copytree(shipped_trees(), tmp_path / "trees")
     tree = Path(trees) / "approaching.json"
-    tree.write_text(tree.read_text() + "\n")
+    tree.write_text(json.dumps(json.loads(tree.read_text())))
+    assert match("--trees", str(trees)).policy == shipped_policy(), "the same tree, written otherwise"
+    shipped = load_tree(tree)
+    save_tree(tree, replace(shipped, leaves=(shipped.leaves[1], *shipped.leaves[1:])))
     found = match("--trees", str(trees))
     assert found.policy is None
     assert [note.split(":")[0] for note in found.notes] == ["starts from nothing"]

@@ -199,7 +199,7 @@ class Features:
 
     def row(self, situation: Situation) -> list[int]:
         """The active features, then what V is told beyond them: what is kept of a situation to learn from. Those met for
-        the first time get an index."""
+        the first time get an index. Where V is told anything, the situation has to have it."""
         index = self._index
         keys = self._keys(situation, situation.told if self.told_features else ())
         try:
@@ -279,11 +279,12 @@ class Features:
 def _check_resolution(arrays: Mapping[str, NDArray[Any]], asked: Resolution) -> None:
     """Raises BadInput where features were made with another resolution than the parameters'.
 
-    Earlier policies do not say all of it: those of five numbers are from before V was told anything, and of those of six
-    a mirror shows in what it made signed, if in anything.
+    Earlier policies do not say all of it: those of five numbers are from before V was told anything. Whether there was a
+    mirror shows in what it made signed; where that is nothing, it matters only for tiles that V was told.
     """
     missing = len(asked) - rows_of(arrays, "resolution")
-    later = [0, int(asked.mirror or arrays["signed"].any())]
+    told_by_v = missing == 1 and asked.world_tilings > 0
+    later = [0, int(arrays["signed"].any() or (asked.mirror and not told_by_v))]
     told = len(asked) - missing if 0 < missing <= len(later) else len(asked)
     check_arrays(arrays, {"resolution": ("i", (told,))})
     learned = arrays["resolution"].tolist() + later[len(later) - missing :]

@@ -129,7 +129,7 @@ def add_shared(table: Floats, active: NDArray[np.int64], steps: Floats, rate: fl
     that stands still decides the same over and over) the step is divided by L, so that nothing overshoots its target.
 
     Args:
-        table: [features, n] or [features]; changed in place.
+        table: [features, n] or [features], C-contiguous; changed in place.
         active: [N, F].
         steps: [N, n] or [N].
     """
