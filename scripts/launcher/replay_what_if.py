@@ -105,12 +105,11 @@ def _changed(recorded: FusionParameters, arguments: argparse.Namespace) -> Fusio
         name, equals, text = setting.partition("=")
         if not equals or name not in kinds or name in _ENDLESS or name == "behaviors":
             known = sorted(kinds.keys() - _ENDLESS.keys() - {"behaviors"})
-            why = (
-                "behaviors, schedule and world states stay as recorded"
-                if equals and name in kinds
-                else (similar(name, known) if equals else "docs/parameters.md has the names")
+            hint = f"; {similar(name, known)}" if equals and name not in kinds else ""
+            raise BadInput(
+                f"--set {setting}: write NAME=VALUE with a parameter of fusion (behaviors, schedule and "
+                f"the world states stay as they were recorded){hint}"
             )
-            raise BadInput(f"--set {setting}: write NAME=VALUE with a parameter of fusion; {why}")
         values[name] = parsed(text, kinds[name], name, PROGRAM)
     parameters = from_mapping(FusionParameters, values, PROGRAM)
     check_fusion(parameters, PROGRAM)
