@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from itertools import combinations
+from itertools import accumulate, combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,6 +65,7 @@ class Scales:
         self._signed: list[bool] = signed.tolist()
         marked = [i for i, is_signed in enumerate(self._signed) if is_signed]
         self._decisive = marked[-1] if marked else -1
+        self._none = [False] * len(self._signed)
 
     @classmethod
     def of(cls, situations: Sequence[Situation], mirror: bool) -> Scales:
@@ -81,24 +82,27 @@ class Scales:
         knots = np.quantile(values, np.linspace(0.0, 1.0, KNOTS), axis=0).T
         return cls(np.ascontiguousarray(knots), signed, lengths)
 
-    def ranks(self, observed: Sequence[Sequence[float]]) -> list[list[float]]:
-        """The ranks of each behavior's components; none for a behavior that did not answer, or says something else."""
-        flat: list[float | None] = []
-        for length, values in zip(self.lengths, observed, strict=True):
-            flat += values if len(values) == length else [None] * length
-        decisive = flat[self._decisive] if self._decisive >= 0 else None
-        mirrored = decisive is not None and decisive < 0.0
-        ranks: list[list[float]] = []
-        at = 0
-        for length in self.lengths:
-            own: list[float] = []
-            for i in range(at, at + length):
-                x = flat[i]
-                if x is not None:
-                    own.append(_rank(-x if mirrored and self._signed[i] else x, self._knots[i]))
-            ranks.append(own)
-            at += length
-        return ranks
+    def ranks(self, observed: Sequence[Sequence[float]]) -> list[float | None]:
+        """The rank of each component, length d; None for those of a behavior that did not answer, or says something else.
+
+        Args:
+            observed: what each behavior senses, length n.
+        """
+        values: list[float | None] = []
+        for length, own in zip(self.lengths, observed, strict=True):
+            values += own if len(own) == length else [None] * length
+        decisive = values[self._decisive] if self._decisive >= 0 else None
+        turned = self._signed if decisive is not None and decisive < 0.0 else self._none
+        return [
+            None if x is None else _rank(-x if turns else x, knots)
+            for x, turns, knots in zip(values, turned, self._knots, strict=True)
+        ]
+
+
+def _parts_of[T](values: Sequence[T], lengths: Sequence[int]) -> list[Sequence[T]]:
+    """The values of each behavior, one after the other."""
+    ends = list(accumulate(lengths))
+    return [values[end - length : end] for end, length in zip(ends, lengths, strict=True)]
 
 
 def _rank(x: float, knots: list[float]) -> float:
@@ -150,7 +154,8 @@ class Features:
         self._index: dict[int, int] = {}
         n, d = len(scales.lengths), len(scales.knots)
         pairs = list(combinations(range(n), 2))
-        self._leaf_pairs = pairs if resolution.leaf_pairs else []
+        self._leaves = [(-1 - i) * _MIX for i in range(n)] if resolution.leaf_pairs else []
+        self._leaf_pairs = [(i, j, (-1 - i * n - j) * _MIX * _MIX) for i, j in pairs] if resolution.leaf_pairs else []
         groups: list[tuple[tuple[int, ...], int, int]] = []
         groups += [(pair, t, resolution.pair_tiles) for pair in pairs for t in range(resolution.pair_tilings)]
         groups += [
@@ -223,24 +228,24 @@ class Features:
         Those of leaves are below 0, where no tile's are.
         """
         leaves = situation.joint_state
-        keys: list[int] = []
-        if self.resolution.leaf_pairs:
-            keys += [(-1 - i) * _MIX - leaf for i, leaf in enumerate(leaves) if leaf != NO_LEAF]
-            for i, j in self._leaf_pairs:
-                if leaves[i] != NO_LEAF and leaves[j] != NO_LEAF:
-                    keys.append(((-1 - i * len(leaves) - j) * _MIX + leaves[i]) * _MIX + leaves[j])
+        if NO_LEAF not in leaves:
+            keys = [base - leaf for base, leaf in zip(self._leaves, leaves)]  # noqa: B905 - none where leaves are no features
+            keys += [base + leaves[i] * _MIX + leaves[j] for i, j, base in self._leaf_pairs]
+        else:
+            keys = [base - leaf for base, leaf in zip(self._leaves, leaves) if leaf != NO_LEAF]  # noqa: B905
+            keys += [
+                base + leaves[i] * _MIX + leaves[j]
+                for i, j, base in self._leaf_pairs
+                if NO_LEAF not in (leaves[i], leaves[j])
+            ]
         tilings = self._and_told if told else self._tilings
         if not len(tilings.families):
             return keys
         ranks = self.scales.ranks(situation.observed)
-        known = [bool(own) for own in ranks]
-        flat: list[float] = []
-        for own, length in zip(ranks, self.scales.lengths, strict=True):
-            flat += own or [0.0] * length
-        flat += told
-        found = tilings.keys(flat)
-        if False not in known:
+        found = tilings.keys([*[0.0 if x is None else x for x in ranks], *told])
+        if None not in ranks:
             return keys + found
+        known = [None not in own for own in _parts_of(ranks, self.scales.lengths)]
         needs = self._needs[: len(found)]
         return keys + [key for key, needed in zip(found, needs, strict=True) if all(known[i] for i in needed)]
 
