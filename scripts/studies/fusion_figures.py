@@ -173,19 +173,23 @@ def intervals_figure(rows: Sequence[Mapping[str, Any]], name: str, label: str) -
 
 
 def _intervals(axis: Axes, found: Sequence[Sequence[float | None]]) -> None:
-    """Estimates with their low and high ends, one below the other. An end that is not known goes on to the edge."""
-    edges = [x for each in found for x in each if x is not None]
+    """Estimates with their low and high ends, one below the other. An interval without a high end is an arrow."""
+    edge = 2.0 * max((x for each in found for x in each if x is not None), default=1.0)
     for place, (estimate, low, high) in enumerate(found):
         if estimate is not None:
-            ends = [min(edges) if low is None else low, max(edges) if high is None else high]
-            axis.plot(ends, [place, place], color=BLUE, lw=2)
+            axis.plot(
+                [estimate if low is None else low, edge if high is None else high], [place, place], color=BLUE, lw=2
+            )
             axis.plot(estimate, place, "o", color=BLUE, ms=4)
+            if high is None:
+                axis.plot(edge, place, ">", color=BLUE, ms=6)
     axis.grid(axis="x", lw=0.4)
 
 
 def _on_a_logarithmic_axis(axis: Axes) -> None:
     axis.set_xscale("log")
-    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    low, high = axis.get_xlim()
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 500.0 * low else (1.0,)))
     axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
     axis.xaxis.set_minor_formatter(NullFormatter())
 
