@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from fbql_behaviors.core.behavior import Behavior
+from fbql_common.core.errors import BadInput
 from fbql_common.core.types import Phase
 from fbql_fusion.core.controllers import FbqlLiteral
 from fbql_fusion.core.equations import tied
@@ -124,6 +125,9 @@ DRAWN = (PAPER, RETUNED, "fbql literal, ties: none", *LEARNERS, papers_guide(LEA
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """For each tree set one of the Subsumption that is tuned for it, and one of all others for every RUNS_PER_TASK seeds."""
+    for name in ("seeds", "trees", "goals", "max_steps"):
+        if getattr(options, name) < 1:
+            raise BadInput(f"--{name.replace('_', '-')} is {getattr(options, name)}; it must be 1 or more")
     given = {"goals": options.goals, "max_steps": options.max_steps}
     seeds = range(FIRST_RUN_SEED, FIRST_RUN_SEED + options.seeds)
     trees = range(FIRST_TREE_SEED, FIRST_TREE_SEED + options.trees)

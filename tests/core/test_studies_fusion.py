@@ -440,3 +440,9 @@ def kept(directory: Path) -> dict[str, Any]:
     for result in found.values():
         result.pop(MEASURED, None)
     return found
+
+
+@pytest.mark.parametrize("option", ["--trees", "--seeds", "--goals", "--max-steps"])
+def test_the_papers_protocol_refuses_numbers_below_1(option: str) -> None:
+    with pytest.raises(BadInput, match=f"{option} is 0; it must be 1 or more"):
+        tasks(paper, *SMALL, option, "0")
