@@ -228,16 +228,10 @@ class Features:
         Those of leaves are below 0, where no tile's are.
         """
         leaves = situation.joint_state
-        if NO_LEAF not in leaves:
-            keys = [base - leaf for base, leaf in zip(self._leaves, leaves)]  # noqa: B905 - none where leaves are no features
-            keys += [base + leaves[i] * _MIX + leaves[j] for i, j, base in self._leaf_pairs]
-        else:
-            keys = [base - leaf for base, leaf in zip(self._leaves, leaves) if leaf != NO_LEAF]  # noqa: B905
-            keys += [
-                base + leaves[i] * _MIX + leaves[j]
-                for i, j, base in self._leaf_pairs
-                if NO_LEAF not in (leaves[i], leaves[j])
-            ]
+        keys = [base - leaf for base, leaf in zip(self._leaves, leaves) if leaf != NO_LEAF]  # noqa: B905 - none, or as many
+        keys += [
+            base + leaves[i] * _MIX + leaves[j] for i, j, base in self._leaf_pairs if leaves[i] != NO_LEAF != leaves[j]
+        ]
         tilings = self._and_told if told else self._tilings
         if not len(tilings.families):
             return keys
