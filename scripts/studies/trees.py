@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
-from math import isfinite, nan
+from math import nan
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -23,6 +23,7 @@ from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.core.tree_value import tree_value
 from fbql_common.core.errors import BadInput
 
+from studies.comparison import finite
 from studies.inference import Interval, paired_p_value, ratio_of_sums
 from studies.optimal_trees import make_importable
 from studies.study import MEASURED, Parameters, Result, Row, Task
@@ -291,7 +292,7 @@ def _play_summary(method: str, name: str, by_method: Mapping[str, Mapping[int, A
         "collision_steps": _interval(scores.values(), "collision_steps", "episodes").estimate,
         **_compared(paired if method != SHIPPED else []),
     }
-    return {key: None if isinstance(value, float) and not isfinite(value) else value for key, value in row.items()}
+    return finite(row)
 
 
 def _compared(paired: Sequence[tuple[Score, Score]]) -> Row:
