@@ -65,11 +65,11 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
             Keys() as keys,
         ):
             if domain is not None:
-                stage.refuse_twins(interrupts)
+                stage.look_for_twins(interrupts)
             say(f"replaying {run.path} in ROS_DOMAIN_ID={domain_id}: {len(topics)} topics, {window.words}")
             if keys.are_read:
                 say("space: pause, go on; s: a step; q: quit")
-            stage.wait_for_subscribers(arguments.wait, interrupts)
+            stage.wait_for_subscribers(arguments.wait, interrupts, may_have_twins=domain is not None)
             replayed = _Replay(run, arguments, window, stage, line, keys, interrupts).play()
             if arguments.json:
                 found = {"domain": domain_id, "topics": stage.names, "left_out": stage.left_out, **replayed}
@@ -170,27 +170,35 @@ class Stage:
         self._outlets[message.topic].publish(message.data)
         self._views.show(message.topic, message.data)
 
-    def refuse_twins(self, interrupts: Interrupts) -> None:
-        """Raises BadInput where somebody publishes one of the topics in this domain already."""
+    def look_for_twins(self, interrupts: Interrupts) -> None:
+        """Raises BadInput where somebody who publishes one of the topics in this domain is found within `_TWIN_S`."""
         deadline = monotonic() + _TWIN_S
         while monotonic() < deadline and not interrupts.came:
-            for name in self._outlets:
-                if self._node.count_publishers(name) > 1:
-                    raise BadInput(
-                        f"somebody publishes {name} in ROS_DOMAIN_ID={self._domain_id} already; "
-                        "end that, or leave --domain out to get a free domain"
-                    )
+            self._refuse_twins()
             sleep(_LOOK_S)
 
-    def wait_for_subscribers(self, patience_s: float, interrupts: Interrupts) -> None:
-        """Until every topic has a subscriber, or for so long [s]: what is published before is lost to them."""
+    def wait_for_subscribers(self, patience_s: float, interrupts: Interrupts, may_have_twins: bool) -> None:
+        """Until every topic has a subscriber, or for so long [s]: what is published before is lost to them.
+
+        On a busy machine a twin may be found as late as now. Raises BadInput for it.
+        """
         deadline = monotonic() + patience_s
         while monotonic() < deadline and not interrupts.came:
+            if may_have_twins:
+                self._refuse_twins()
             clock = [] if self._clock is None else [self._clock]
             publishers = [*clock, *(outlet.publisher for outlet in self._outlets.values())]
             if all(publisher.get_subscription_count() for publisher in publishers):
                 return
             sleep(_LOOK_S)
+
+    def _refuse_twins(self) -> None:
+        for name in self._outlets:
+            if self._node.count_publishers(name) > 1:
+                raise BadInput(
+                    f"somebody publishes {name} in ROS_DOMAIN_ID={self._domain_id} already; "
+                    "end that, or leave --domain out to get a free domain"
+                )
 
     def settle(self) -> int:
         """Waits until everything was acknowledged. Gives how often, up to now, somebody did not in time."""
