@@ -133,12 +133,16 @@ def run_on_cluster(
             except TimeoutError:
                 continue
             for future in done:
+                status = future.status
+                if status in ("pending", "lost"):
+                    continue  # it was done, and its result went with a worker that died: it is computed anew
                 key = waiting.pop(future).key
-                if future.status == "finished":
+                if status == "finished":
                     write_result(store.directory, key, future.result())
                     yield Ended(key, "")
                 else:
-                    write_failure(store.directory, key, worded(future.exception()))
+                    reason = worded(future.exception()) if status == "error" else f"the cluster says: {status}"
+                    write_failure(store.directory, key, reason)
                     yield Ended(key, store.failure_of(key))
         client.cancel(list(waiting))
 
