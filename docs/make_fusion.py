@@ -19,12 +19,14 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "scripts"))
 
-from studies.fusion_words import TABLES  # noqa: E402
+from studies.study import study_of  # noqa: E402
+from studies.tables import as_markdown  # noqa: E402
 
 PAGE = HERE / "fusion.md"
 DATA = HERE / "data"
 IMAGES = HERE / "images"
 PLACE = re.compile(r"(<!-- (table|figure): (\w+): ([^:>]*?)(?:: ([^>]*?))? -->\n).*?(<!-- end -->)", re.DOTALL)
+STUDIES = ("paper", "ladder", "ablation", "peers", "scaling")
 KEPT = ("table", "options", "git_revision", "tasks", "done", "failed")
 
 
@@ -51,14 +53,14 @@ def _made(kind: str, study: str, title: str, caption: str | None) -> str:
         return f"![{caption}](images/fusion_{title}.svg)\n\n*{caption}.*"
     options = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in data["options"].items())
     command = f"*`python3 scripts/experiment.py {study} {options}`, [data](data/{study}.json):*"
-    return f"{command}\n\n{TABLES[study](data)[title]}"
+    return f"{command}\n\n{as_markdown(study_of(study).words(data['table'])[title])}"
 
 
 def draw() -> list[Path]:
     """Draws the figures of every study that has data."""
     from studies.fusion_figures import draw
 
-    found = [DATA / f"{study}_curves.json" for study in TABLES]
+    found = [DATA / f"{study}_curves.json" for study in STUDIES]
     return [file for path in found if path.exists() for file in draw(json.loads(path.read_text()), IMAGES)]
 
 

@@ -17,23 +17,22 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "scripts"))
 
-from studies import leaf_tuning_words, objectives_words, tree_words  # noqa: E402
+from studies.study import study_of  # noqa: E402
+from studies.tables import as_markdown  # noqa: E402
 
 PAGE = HERE / "trees.md"
-TABLES = {
-    "trees": tree_words.tables,
-    "objectives": objectives_words.tables,
-    "leaf_tuning": leaf_tuning_words.tables,
-}
+STUDIES = ("trees", "objectives", "leaf_tuning")
 PLACE = re.compile(r"(<!-- table: (\w+): (.*?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def page(text: str) -> str:
     """The page with its tables made anew."""
     made = {
-        (study, title): table
-        for study, tables in TABLES.items()
-        for title, table in tables(json.loads((HERE / "data" / f"{study}.json").read_text())["table"]).items()
+        (study, title): as_markdown(table)
+        for study in STUDIES
+        for title, table in study_of(study)
+        .words(json.loads((HERE / "data" / f"{study}.json").read_text())["table"])
+        .items()
     }
     return PLACE.sub(lambda place: f"{place[1]}{made[place[2], place[3]]}\n{place[4]}", text)
 

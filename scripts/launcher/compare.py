@@ -116,12 +116,12 @@ def _values(runs: Sequence[Any], kinds: Sequence[Any], pairs: Sequence[Any], not
 
 
 def _words(runs: Sequence[Any], kinds: Sequence[Any], pairs: Sequence[Any], notes: Sequence[str]) -> str:
-    from launcher.experiment import as_text
+    from studies.tables import rows_as_text
 
     letters = {run.name: kind.letter for kind in kinds for run in kind.runs}
-    parts = [as_text([{"kind": letters.get(run.name, "-"), **run.row} for run in runs])]
+    parts = [rows_as_text([{"kind": letters.get(run.name, "-"), **run.row} for run in runs])]
     parts.append("\n".join(f"{kind.letter}: {kind.label}" for kind in kinds))
-    parts.append(as_text([_short_row(kind) for kind in kinds]))
+    parts.append(rows_as_text([_short_row(kind) for kind in kinds]))
     parts += [_pair_words(pair) for pair in pairs]
     return "\n\n".join([*parts, "\n".join(notes)] if notes else parts)
 

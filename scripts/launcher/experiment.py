@@ -6,9 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby
 from pathlib import Path
-from shutil import get_terminal_size
 from time import monotonic
 from typing import Any
 
@@ -16,7 +14,8 @@ from fbql_common.core.errors import BadInput
 from fbql_fusion.atomic_file import write_atomically
 from fbql_fusion.run_directory import git_revision
 from studies.store import Store
-from studies.study import STUDIES, Row, Task, study_of
+from studies.study import STUDIES, Table, Task, study_of
+from studies.tables import as_markdown, as_text
 from studies.workers import Ended, run_locally, run_on_cluster
 
 from launcher.interrupts import Interrupts
@@ -52,8 +51,11 @@ def _main(options: Any, interrupts: Interrupts) -> int:
             print(f"{PROGRAM}: stopped; the same command goes on from here", file=sys.stderr)
             return _FAILED
         failed = {task.key: store.failure_of(task.key) for task in tasks if task.key not in results}
+        table = study.table(results)
+        told = study.words(table)
         summary = {
-            "table": study.table(results),
+            "table": table,
+            "columns": {name: study.COLUMNS[name] for name in dict.fromkeys(name for row in table for name in row)},
             "out": str(out),
             "options": own,
             "git_revision": git_revision(ROOT),
@@ -63,8 +65,10 @@ def _main(options: Any, interrupts: Interrupts) -> int:
         }
         text = json.dumps(summary, default=str, allow_nan=False)
         write_atomically(out / "table.json", f"{text}\n".encode())
+        page = "\n\n".join(f"{title}\n\n{as_markdown(each)}" for title, each in told.items())
+        write_atomically(out / "tables.md", f"{page}\n".encode())
         files = study.figures(results, out)
-    print(text if options.json else _worded(summary, files))
+    print(text if options.json else _worded(summary, told, files))
     return _FAILED if failed else _DONE
 
 
@@ -114,40 +118,9 @@ def _ended(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interr
     return run_locally(module, tasks, store, options.jobs, stopped)
 
 
-def _worded(summary: Mapping[str, Any], figures: Sequence[Path]) -> str:
-    lines = [as_text(summary["table"]), f"{summary['done']} of {summary['tasks']} tasks; results in {summary['out']}"]
+def _worded(summary: Mapping[str, Any], told: Mapping[str, Table], figures: Sequence[Path]) -> str:
+    lines = [f"{title}\n\n{as_text(each)}\n" for title, each in told.items() if each.body] or ["no results"]
+    lines += [f"{summary['done']} of {summary['tasks']} tasks; results in {summary['out']}: tables.md and table.json"]
     lines += [f"FAILED {key}: {reason}" for key, reason in summary["failed"].items()]
-    lines += [f"figure {file}" for file in figures]
+    lines += [f"figure {file}" for file in figures if file.suffix == ".svg"]
     return "\n".join(lines)
-
-
-def as_text(rows: Sequence[Row], width: int | None = None) -> str:
-    """Rows as tables with aligned columns; rows of other columns begin a new table.
-
-    Args:
-        width: characters a line may have, that of the terminal where it is not given. A table that is wider goes on below
-            with its other columns, the first one repeated.
-    """
-    if not rows:
-        return "no results"
-    width = width or get_terminal_size((160, 0)).columns
-    return "\n\n".join(
-        _table(columns, list(part), width) for columns, part in groupby(rows, key=lambda row: tuple(row))
-    )
-
-
-def _table(columns: Sequence[str], rows: Sequence[Row], width: int) -> str:
-    cells = [columns, *([_cell(row[column]) for column in columns] for row in rows)]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(columns))]
-    parts: list[list[int]] = [[0]]
-    for i in range(1, len(columns)):
-        if len(parts[-1]) > 1 and sum(widths[j] + 2 for j in (*parts[-1], i)) - 2 > width:
-            parts.append([0])
-        parts[-1].append(i)
-    return "\n\n".join("\n".join("  ".join(row[i].rjust(widths[i]) for i in part) for row in cells) for part in parts)
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return "n/a"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -13,7 +13,7 @@ from fbql_fusion.core.parameters import FusionParameters
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
-from studies import fusion_controls
+from studies import fusion_controls, fusion_words
 from studies.comparison import Runs, method_row, runs_by_method
 from studies.fusion_controls import PAPER, RETUNED, TUNED, control_tasks, controls_played
 from studies.study import Parameters, Result, Row, Task
@@ -23,6 +23,8 @@ from studies.training import add_options as add_training_options
 DESCRIPTION = (
     "one change of fbql at a time (but for one of four at once), each trained and played frozen like the default"
 )
+COLUMNS = fusion_words.COLUMNS
+words = fusion_words.ablation_tables
 SEEDS = Seeds(1101, 3000)
 """Others than the ladder's, so that a default chosen here is judged there by what it has not seen."""
 DEFAULT, UNTRAINED = "fbql", "fbql, never learned"

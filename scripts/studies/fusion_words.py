@@ -1,25 +1,87 @@
-"""The tables of the studies of fusion as Markdown, for docs/fusion.md; a test compares them with the committed data."""
+"""The tables of the studies of fusion for docs/fusion.md; a test compares them with the committed data."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-from studies.study import Row
-from studies.tree_words import markdown, number
+from studies.study import Row, Table
+from studies.tables import number
 
-Data = Mapping[str, Any]
-"""A study's table.json."""
+_CONTROLS = {
+    "paper": "Subsumption with the paper-like preset",
+    "tuned": "Subsumption with the tuned preset",
+    "retuned": "Subsumption with thresholds tuned for each tree set",
+    "frozen": "the literal FBQL's frozen twin, which never learned",
+    "untrained": "the same execution that never learned, the frozen twin",
+    "guided": "the same learner, frozen when the guided episodes were over",
+    "default": "fbql with its defaults, trained alike",
+}
+"""Control, as columns name it -> what it is."""
+_COMPARED = {
+    "ratio_{}": "cost_per_goal over that of {}, paired by run on the same episodes; below 1 is better than it",
+    "ratio_{}_low": "the lower end of ratio_{}'s 95 % interval",
+    "ratio_{}_high": "its upper end; null where it is infinite",
+    "p_{}": "p of the sign-flip test, paired by run, that both cost the same; null with fewer than two runs",
+}
+COLUMNS = {
+    "method": "what played",
+    "runs": "how many runs are put together, each on a tree set with a run seed",
+    "episodes": "all their episodes, but for guided ones",
+    "goals": "those that ended in a goal",
+    "own_goals": "those that ended in an own goal",
+    "timeouts": "those that ended by the time limit",
+    "success_rate": "goals / episodes",
+    "cost_per_goal": "steps of all episodes / goals",
+    "cost_low": "the lower end of its 95 % interval, a bootstrap over tree sets and their runs; null with one run",
+    "cost_high": "the upper end; null where it is infinite, or with one run",
+    "steps_per_success": "steps of the episodes that ended in a goal / goals",
+    "collisions_begun_per_goal": "how often the robot began to touch a wall / goals",
+    "collision_steps_per_goal": "steps in which it touched one / goals",
+    **{
+        form.format(name): words.format(what if form in ("ratio_{}", "p_{}") else name)
+        for name, what in _CONTROLS.items()
+        for form, words in _COMPARED.items()
+    },
+    "joint_states": "joint states met, mean over runs",
+    "tied_share": "share of them in which all Q were equal in the end",
+    "features": "features met, mean over trainings",
+    "bytes": "bytes of what grows with them in a policy, mean over trainings",
+    "leaf_product": "how many joint states the leaves could make, mean over trainings",
+    "rung": "rung of the ladder, and whose",
+    "measure": "what is asked of it",
+    "bound": "whether `wanted` is the most or the least",
+    "wanted": "what was set beforehand",
+    "found": "what was found",
+    "reached": "whether that is enough",
+    "learner": "the method that was trained",
+    "trees": "demonstration seed of the tree set",
+    "leaves": "leaves of its trees",
+    "wall_m": "re-tuned Subsumption's threshold of the wall's distance [m]",
+    "approach_rad": "its threshold of the approach angle [rad]",
+    "retuned_cost": "its cost_per_goal on these trees",
+    "learner_cost": "the learner's",
+    "ratio": "learner_cost / retuned_cost",
+    "worst_run": "the same of the worst of the trainings on these trees",
+    "own_goal_rate": "own goals / episodes",
+    "trainings": "trainings that the means are over",
+    "training_steps": "simulated steps of a training, mean",
+    "training_s": "seconds of a training, mean",
+    "training_seconds": "seconds of a training, mean",
+    "behaviors": "how many behaviors are fused",
+    "table_bytes": "bytes that a table of Q and w over leaf_product would take",
+    "note": "how what was learned is played, or why it was not",
+}
+"""Column of a study of fusion -> what it says."""
 
 
-def paper_tables(data: Data) -> dict[str, str]:
+def paper_tables(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table of the paper's protocol."""
-    rows = data["table"]
-    controls = {"paper": "paper", "retuned": "re-tuned", "frozen": "literal twin", "guided": "only guided"}
+    controls = {"paper": "paper", "retuned": "re-tuned", "frozen": "literal twin", "guided": "only guided",
+                "untrained": "never learned"}  # fmt: skip
     tied = [row for row in rows if row.get("tied_share") is not None]
     return {
         "fifty goals": _methods(rows, controls),
-        "ties": markdown(
+        "ties": Table(
             ["method", "joint states met", "all Q equal"],
             [[row["method"], f"{row['joint_states']:.0f}", f"{row['tied_share']:.1%}"] for row in tied],
         ),
@@ -27,14 +89,13 @@ def paper_tables(data: Data) -> dict[str, str]:
     }
 
 
-def ladder_tables(data: Data) -> dict[str, str]:
+def ladder_tables(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table of the ladder."""
-    rows = data["table"]
     controls = {"retuned": "re-tuned", "paper": "paper", "untrained": "never learned", "guided": "only guided"}
     sets = [row for row in rows if "trees" in row]
     return {
         "frozen play": _methods(rows, controls),
-        "tree sets": markdown(
+        "tree sets": Table(
             [
                 "learner",
                 "trees",
@@ -68,13 +129,13 @@ def ladder_tables(data: Data) -> dict[str, str]:
     }
 
 
-def ablation_tables(data: Data) -> dict[str, str]:
+def ablation_tables(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table of the ablation."""
     controls = {"default": "default", "retuned": "re-tuned", "paper": "paper", "untrained": "never learned"}
-    return {"one change each": _methods(data["table"], controls)}
+    return {"one change each": _methods(rows, controls)}
 
 
-def scaling_tables(data: Data) -> dict[str, str]:
+def scaling_tables(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table of the numbers of behaviors."""
     head = ["behaviors", "runs", "product of leaves", "its table", "joint states met", "features", "policy",
             "success rate", "cost/goal (95 %)", "training [s]"]  # fmt: skip
@@ -91,12 +152,12 @@ def scaling_tables(data: Data) -> dict[str, str]:
             _spread(row, "cost_per_goal", "cost", ".0f"),
             number(row["training_s"], ".0f"),
         ]
-        for row in data["table"]
+        for row in rows
     ]
-    return {"behaviors": markdown(head, body)}
+    return {"behaviors": Table(head, body)}
 
 
-def peers_tables(data: Data) -> dict[str, str]:
+def peers_tables(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table of the peers."""
     head = ["method", "runs", "goals / episodes", "own goals", "success rate", "cost/goal (95 %)", "contact steps / goal",
             "to re-tuned", "training [s]", "played"]  # fmt: skip
@@ -113,23 +174,14 @@ def peers_tables(data: Data) -> dict[str, str]:
             number(row["training_seconds"], ".0f"),
             row["note"],
         ]
-        for row in data["table"]
         if row["runs"]
+        else [row["method"], "0", *[""] * (len(head) - 3), row["note"]]
+        for row in rows
     ]
-    return {"the same budget": markdown(head, body)}
+    return {"the same budget": Table(head, body)}
 
 
-TABLES = {
-    "paper": paper_tables,
-    "ladder": ladder_tables,
-    "ablation": ablation_tables,
-    "peers": peers_tables,
-    "scaling": scaling_tables,
-}
-"""Study -> its tables."""
-
-
-def _methods(rows: Sequence[Row], controls: Mapping[str, str]) -> str:
+def _methods(rows: Sequence[Row], controls: Mapping[str, str]) -> Table:
     """A row for each method; of each control cost/goal relative to it, its interval, and p."""
     head = ["method", "runs", "goals / episodes", "own goals", "timeouts", "success rate", "cost/goal (95 %)",
             "steps of a success", "collisions, contact steps / goal"]  # fmt: skip
@@ -149,7 +201,7 @@ def _methods(rows: Sequence[Row], controls: Mapping[str, str]) -> str:
         ]
         for row in methods
     ]
-    return markdown([*head, *(f"to {label}" for label in controls.values())], body)
+    return Table([*head, *(f"to {label}" for label in controls.values())], body)
 
 
 def _compared(row: Row, name: str) -> str:
@@ -173,22 +225,22 @@ def _spread(row: Row, name: str, ends: str, form: str) -> str:
     return f"{number(row[name], form)} ({number(low, form)} to {'∞' if high is None else number(high, form)})"
 
 
-def _rungs(rows: Sequence[Row]) -> str:
+def _rungs(rows: Sequence[Row]) -> Table:
     body = [
         [
             row["rung"],
             row["measure"],
-            f"{row['bound']} {row['wanted']:.3g}",
+            f"{row['bound']} {number(row['wanted'], '.3g')}",
             number(row["found"], ".3g"),
             "yes" if row["reached"] else "**no**",
         ]
         for row in rows
         if "rung" in row
     ]
-    return markdown(["rung", "measure", "wanted", "found", "reached"], body)
+    return Table(["rung", "measure", "wanted", "found", "reached"], body)
 
 
-def _sizes(rows: Sequence[Row]) -> str:
+def _sizes(rows: Sequence[Row]) -> Table:
     body = [
         [
             row["learner"],
@@ -201,7 +253,7 @@ def _sizes(rows: Sequence[Row]) -> str:
         ]
         for row in rows
     ]
-    return markdown(
+    return Table(
         ["learner", "trainings", "features", "policy", "joint states met", "steps of a training", "seconds"], body
     )
 

@@ -6,6 +6,7 @@ All chance is from a fixed seed, so that a table repeats bit for bit.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import nan
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +59,7 @@ def clustered_ratio(ours: Sums, clusters: Sequence[int], theirs: Sums | None = N
     Source: Davison & Hinkley, Bootstrap Methods and their Application (1997), section 3.8.
 
     Args:
-        clusters: the tree set of each run.
+        clusters: the tree set of each run. One run alone has no interval: its ends are NaN.
     """
     resamples = Resamples(clusters)
     whole = np.ones((1, len(clusters)))
@@ -66,7 +67,7 @@ def clustered_ratio(ours: Sums, clusters: Sequence[int], theirs: Sums | None = N
         ratios, estimate = _ratios(resamples.counts, ours), _ratios(whole, ours)
         if theirs is not None:
             ratios, estimate = ratios / _ratios(resamples.counts, theirs), estimate / _ratios(whole, theirs)
-    low, high = _bounds(ratios)
+    low, high = _bounds(ratios) if len(clusters) > 1 else (nan, nan)
     return Interval(float(estimate[0]), low, high)
 
 

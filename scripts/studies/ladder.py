@@ -18,7 +18,7 @@ from fbql_fusion.core.policy import Policy
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
-from studies import fusion_controls
+from studies import fusion_controls, fusion_words
 from studies.comparison import Runs, filled, method_row, runs_by_method
 from studies.fusion_controls import LAW, PAPER, RETUNED, TUNED, control_tasks, controls_played
 from studies.ladder_rungs import rung_rows, tree_rows
@@ -32,6 +32,8 @@ from studies.weight_maps import weight_maps
 DESCRIPTION = (
     "the learners trained on fresh trees, then frozen against Subsumption, constant weights, their twins and the law"
 )
+COLUMNS = fusion_words.COLUMNS
+words = fusion_words.ladder_tables
 SEEDS = Seeds(FIRST_TREE_SEED, FIRST_RUN_SEED)
 
 FBQL, FBQL_VALUE = LEARNERS

@@ -25,12 +25,14 @@ from launcher.instruct import instruct
 from launcher.make_trees import DEMONSTRATION_SEED, INDUCTION_SEED
 from launcher.practice import PracticeGround, measure, measuring_seeds
 
+from studies import leaf_tuning_words
 from studies.inference import mean_interval, paired_p_value
-from studies.leaf_tuning_words import tables
 from studies.study import Parameters, Result, Row, Task
 from studies.tree_play import RETUNED, retuned, score
 
 DESCRIPTION = "leaf tuning: each behavior and the team before and after, from the same starts"
+COLUMNS = leaf_tuning_words.COLUMNS
+words = leaf_tuning_words.tables
 FIRST_TUNING_SEED = 101
 FIRST_MEASURING_SEED = 10_000
 """What is added to a tuning seed for the seed of measuring and of the matches."""
@@ -198,8 +200,6 @@ def _row(what: tuple[str, str, str, str], before: Sequence[float], after: Sequen
     }
 
 
-def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
-    """The tables of docs/trees.md."""
-    text = "\n\n".join(f"{title}\n\n{each}" for title, each in tables(table(results)).items())
-    (directory / "tables.md").write_text(f"{text}\n")
-    return [directory / "tables.md"]
+def figures(_results: Mapping[str, Result], _directory: Path) -> list[Path]:
+    """There are none."""
+    return []

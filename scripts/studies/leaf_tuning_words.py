@@ -1,18 +1,35 @@
-"""The tables of the study of leaf tuning as Markdown, for docs/trees.md; a test compares them with the committed data."""
+"""The tables of the study of leaf tuning for docs/trees.md; a test compares them with the committed data."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from studies.study import Row
-from studies.tree_words import markdown, number, spoken
+from studies.study import Row, Table
+from studies.tables import number
+from studies.tree_words import spoken
 
 ALONE = "alone"
 FIRST = ("success rate", "cost per goal", "contact steps per episode")
 """Measures of a team that are told of first; the others stand in a table of their own."""
 
+COLUMNS = {
+    "trees": "which trees were tuned",
+    "tuned": "whose leaves were",
+    "played": "alone, or in a team with these thresholds",
+    "measure": "what was measured",
+    "n": "how many tuning seeds",
+    "before": "mean before tuning",
+    "after": "mean after it",
+    "percent": "the difference in percent of `before`",
+    "difference": "after - before, paired by seed",
+    "low": "the lower end of its 95 % interval, a bootstrap over the seeds",
+    "high": "the upper end",
+    "p": "p of the sign-flip test, paired by seed, that there is no difference",
+}
+"""Column -> what it says."""
 
-def tables(rows: Sequence[Row]) -> dict[str, str]:
+
+def tables(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table, in the order of docs/trees.md."""
     alone = [row for row in rows if row["played"] == ALONE]
     teams = [row for row in rows if row["played"] != ALONE]
@@ -28,7 +45,7 @@ def tables(rows: Sequence[Row]) -> dict[str, str]:
     }
 
 
-def _table(what: str, rows: Sequence[Row], columns: Sequence[str]) -> str:
+def _table(what: str, rows: Sequence[Row], columns: Sequence[str]) -> Table:
     head = ["trees", what, "measure", "before", "after", "change [%]", "difference (95 %)", "p"]
     body = [
         [
@@ -43,4 +60,4 @@ def _table(what: str, rows: Sequence[Row], columns: Sequence[str]) -> str:
         ]
         for row in rows
     ]
-    return markdown(head, body)
+    return Table(head, body)

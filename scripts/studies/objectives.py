@@ -14,14 +14,16 @@ from fbql_behaviors.core.evaluation import wheel_rmse
 from fbql_behaviors.core.recipes import RECIPES
 from fbql_common.core.errors import BadInput
 
+from studies import objectives_words
 from studies.inference import mean_interval, paired_p_value
 from studies.leaf_tuning import TEAM_MEASURES
-from studies.objectives_words import tables
 from studies.study import Parameters, Result, Row, Task
 from studies.tree_methods import OBJECTIVES, Lesson, induced
 from studies.tree_play import PRESETS, SETTINGS, retuned, score
 
 DESCRIPTION = "the weighted objective against the printed one: held-out error and play over many demonstration seeds"
+COLUMNS = objectives_words.COLUMNS
+words = objectives_words.tables
 FIRST_SEED = 2001
 """The first demonstration seed, and run seed of play."""
 
@@ -101,8 +103,6 @@ def _row(where: str, measure: str, weighted: list[float], printed: list[float]) 
     }
 
 
-def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
-    """The table of docs/trees.md."""
-    text = "\n\n".join(f"{title}\n\n{each}" for title, each in tables(table(results)).items())
-    (directory / "tables.md").write_text(f"{text}\n")
-    return [directory / "tables.md"]
+def figures(_results: Mapping[str, Result], _directory: Path) -> list[Path]:
+    """There are none."""
+    return []

@@ -28,6 +28,7 @@ from fbql_sim.core.world_loop import WorldLoop
 from launcher.in_process import play
 from launcher.make_trees import make_tree
 
+from studies import fusion_words
 from studies.comparison import Runs, filled, method_row, runs_by_method
 from studies.courses import courses
 from studies.ladder_rungs import early_rung_rows
@@ -35,6 +36,8 @@ from studies.study import Parameters, Result, Row, Task
 from studies.tuning import retuned
 
 DESCRIPTION = "the paper's protocol: 20 guided episodes, then until 50 goals, all methods on the same starts"
+COLUMNS = fusion_words.COLUMNS
+words = fusion_words.paper_tables
 FIRST_TREE_SEED = 1001
 """Demonstration seed of the first tree set: no tuning saw it or those after it."""
 FIRST_RUN_SEED = 1000

@@ -20,6 +20,7 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.errors import BadInput
 from launcher.make_trees import make_tree
 
+from studies import fusion_words
 from studies.comparison import Runs, method_row, ratio, runs_by_method
 from studies.inference import Resamples
 from studies.paper import BEHAVIORS, FIRST_RUN_SEED, FIRST_TREE_SEED
@@ -29,6 +30,8 @@ from studies.tree_play import Score
 DESCRIPTION = (
     "other methods on the same work, simulator and budget: Q-learning, PPO, constant weights, single behaviors"
 )
+COLUMNS = fusion_words.COLUMNS
+words = fusion_words.peers_tables
 FIRST_TRAINING_SEED = 100
 SEEDS_OF_A_TREE_SET = 100
 MOST_TREE_SETS = (FIRST_RUN_SEED - FIRST_TRAINING_SEED) // SEEDS_OF_A_TREE_SET

@@ -20,6 +20,7 @@ from fbql_sim.core.world_loop import WorldLoop
 from launcher.make_trees import make_tree
 from launcher.options import ROOT
 
+from studies import fusion_words
 from studies.comparison import finite, ratio, runs_by_method
 from studies.learning_curves import growth, learning
 from studies.paper import BEHAVIORS
@@ -28,6 +29,8 @@ from studies.training import Seeds, check_options, frozen, train, training_of
 from studies.training import add_options as add_training_options
 
 DESCRIPTION = "fbql with 3, 4, 6 and 8 behaviors: learning curves and memory against the product of the leaves"
+COLUMNS = fusion_words.COLUMNS
+words = fusion_words.scaling_tables
 SEEDS = Seeds(1201, 5000)
 COUNTS = (3, 4, 6, 8)
 SHOOTING = "shooting"

@@ -20,6 +20,9 @@ from fbql_fusion.atomic_file import write_atomically
 
 from studies.study import Result
 
+_MADE_FIRST = {"tasks", "lock"}
+"""What is there before config.json is."""
+
 
 class Store:
     """Keeps a study's results. A task's file is there whole or not at all, so that a run can go on after any stop.
@@ -29,12 +32,16 @@ class Store:
         config: what the tasks depend on (study and options), as JSON values.
 
     Raises:
-        BadInput: the directory can't be used, belongs to another study or other options, or a run is using it now.
+        BadInput: the directory can't be used, has other files in it, belongs to another study or other options, or a run
+            is using it now.
     """
 
     def __init__(self, directory: Path, config: dict[str, Any]) -> None:
         self.directory = directory
         try:
+            others = {path.name for path in directory.iterdir()} - _MADE_FIRST if directory.exists() else set[str]()
+            if others and "config.json" not in others:
+                raise BadInput(f"{directory}: no study's directory, but {min(others)} is in it; choose a new one")
             (directory / "tasks").mkdir(parents=True, exist_ok=True)
             self._lock = os.open(directory / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
@@ -61,7 +68,7 @@ class Store:
         except (OSError, ValueError) as error:
             raise BadInput(f"{path}: can't be used ({error}); choose another directory") from None
         if found != text:
-            raise BadInput(f"{path}: the directory holds a study with other options; choose another directory")
+            raise BadInput(f"{self.directory}: holds {_difference(found, config)}; choose another directory")
 
     def __enter__(self) -> Store:
         return self
@@ -84,6 +91,21 @@ class Store:
             return _failure_path(self.directory, key).read_text().strip()
         except (OSError, ValueError):
             return ""
+
+
+def _difference(text: str, asked: dict[str, Any]) -> str:
+    """How the study that config.json tells of differs from the one that is asked for."""
+    try:
+        found = json.loads(text)
+        if found["study"] != asked["study"]:
+            return f"the study {found['study']}, not {asked['study']}"
+        own, others = found["options"], asked["options"]
+        differ = [name for name in others if name not in own or own[name] != others[name]]
+        name = (differ or sorted(own.keys() - others.keys()))[0]
+        option = f"--{name.replace('_', '-')}"
+        return f"this study with {option} {own.get(name)}, not {others.get(name)}"
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError):
+        return "a config.json that is no study's"
 
 
 def write_result(directory: Path | str, key: str, result: Result) -> None:

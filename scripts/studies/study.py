@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -26,10 +26,19 @@ class Task(NamedTuple):
     parameters: Parameters
 
 
+class Table(NamedTuple):
+    """A table of words, as people read it."""
+
+    head: Sequence[str]
+    body: Sequence[Sequence[str]]
+
+
 class Study(Protocol):
     """A module that is a study."""
 
     DESCRIPTION: str
+    COLUMNS: Mapping[str, str]
+    """Each column that `table` can have -> what it says, with its unit."""
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         """Adds the study's own options."""
@@ -48,6 +57,10 @@ class Study(Protocol):
 
     def table(self, results: Mapping[str, Result]) -> list[Row]:
         """The study's table from the results of its tasks by key; tasks that failed are missing, so rows show their n."""
+        ...
+
+    def words(self, rows: Sequence[Row]) -> dict[str, Table]:
+        """What `table` gave, as people read it: title -> table. This is what the pages of docs/ show."""
         ...
 
     def figures(self, results: Mapping[str, Result], directory: Path) -> list[Path]:

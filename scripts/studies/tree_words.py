@@ -1,4 +1,4 @@
-"""The tables of the study of trees as Markdown, for docs/trees.md; a test compares them with the committed data."""
+"""The tables of the study of trees for docs/trees.md; a test compares them with the committed data."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from fbql_behaviors.core.recipes import RECIPES
 
-from studies.study import Row
+from studies.study import Row, Table
+from studies.tables import number
 from studies.tree_methods import OBJECTIVES, TRIALS
 from studies.tree_play import PRESETS, SETTINGS
 
@@ -30,8 +31,52 @@ COSTS = (0.0, 0.002, 0.006, 0.01, 0.025, 0.06, 0.1, 0.2, 0.3, 0.4)
 TOLERANCE = 0.12
 """How far above CART's the held-out error of the exact tree of the weighted objective was to be at most."""
 
+COLUMNS = {
+    "method": "how the trees were made; in play, the trees of all three behaviors",
+    "behavior": "whose tree",
+    "n": "how many demonstration seeds are put together",
+    "leaves": "leaves of the tree, median over the seeds",
+    "leaves_low": "the fewest",
+    "leaves_high": "the most",
+    "rmse_levels": "root mean squared error of the references on demonstrations that were held out [levels], median",
+    "rmse_low": "the least",
+    "rmse_high": "the largest",
+    "rmse_rad_s": "the median in rad/s",
+    "rmse_training": "the same error on the demonstrations that the tree was made of [levels], median",
+    "rmse_to_cart": "rmse_levels over that of CART by squared error with as many leaves, median over the seeds",
+    "rmse_to_cart_by_entropy": "the same to CART by entropy",
+    "value_to_dp": "the objective's value of the tree over the optimum's, median; null where it has none",
+    "belief_to_dp": "what the learner believes its value to be, over the optimum's, median; null where it has none",
+    "seconds": "time that making the tree took [s], median",
+    "thresholds": "the thresholds of the Subsumption that fused the trees",
+    "episodes": "episodes over all seeds",
+    "success_rate": "goals / episodes",
+    "success_low": "the lower end of its 95 % interval, a bootstrap over the seeds",
+    "success_high": "the upper end",
+    "cost_per_goal": "steps of all episodes / goals",
+    "cost_low": "the lower end of its 95 % interval",
+    "cost_high": "the upper end; null where it is infinite",
+    "own_goals": "own goals / episodes",
+    "timeouts": "timeouts / episodes",
+    "collisions_begun": "how often the robot began to touch a wall / episodes",
+    "collision_steps": "steps in which it touched one / episodes",
+    "cost_to_shipped": "cost_per_goal over that of the trees that ship, made alike, paired by seed",
+    "ratio_low": "the lower end of its 95 % interval",
+    "ratio_high": "the upper end",
+    "p": "p of the sign-flip test, paired by seed, that both cost the same",
+    "sized_by": "what bounds the tree: the cost of a split with this objective, or CART's number of leaves",
+    "limit": "that cost [nat], or number",
+    "median_leaves": "leaves, median over the seeds",
+    "median_rmse_levels": "held-out error [levels], median over the seeds",
+    "objective": "which objective the trees were made with",
+    "leaves_of_seeds_1_to_8": "leaves of the trees of these demonstration seeds",
+    "band": "how many there should be",
+    "inside": "how many of the trees have so many",
+}
+"""Column -> what it says."""
 
-def tables(rows: Sequence[Row]) -> dict[str, str]:
+
+def tables(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table, in the order of docs/trees.md."""
     trees = {(row["method"], row["behavior"]): row for row in rows if "rmse_levels" in row}
     found = {spoken(behavior): _trees([trees[key] for key in _shown(trees, behavior)]) for behavior in RECIPES}
@@ -58,7 +103,7 @@ def _shown(trees: dict[tuple[str, str], Row], behavior: str) -> list[tuple[str, 
     return [(method, behavior) for method in SHOWN if (method, behavior) in trees]
 
 
-def _trees(rows: Sequence[Row]) -> str:
+def _trees(rows: Sequence[Row]) -> Table:
     head = ["method", "leaves", "held-out error [levels]", "[rad/s]", "value / optimum", "time [ms]"]
     body = [
         [
@@ -71,7 +116,7 @@ def _trees(rows: Sequence[Row]) -> str:
         ]
         for row in rows
     ]
-    return markdown(head, body)
+    return Table(head, body)
 
 
 def _equal_leaves(rows: Sequence[Row]) -> str:
@@ -86,7 +131,7 @@ def _equal_leaves(rows: Sequence[Row]) -> str:
         ]
         for row in rows
     ]
-    return markdown(head, body)
+    return Table(head, body)
 
 
 def _costs(rows: Sequence[Row]) -> str:
@@ -95,14 +140,14 @@ def _costs(rows: Sequence[Row]) -> str:
     head = ["cost [nat]", *(f"{spoken(behavior)}, {objective}" for behavior, objective in columns)]
     costs = [cost for cost in COSTS if cost in {row["limit"] for row in rows}]
     body = [[f"{cost:g}", *(_size(of[behavior, name, cost]) for behavior, name in columns)] for cost in costs]
-    return markdown(head, body)
+    return Table(head, body)
 
 
 def _size(row: Row) -> str:
     return f"{row['median_leaves']:.0f}, {row['median_rmse_levels']:.2f}"
 
 
-def _trials(trees: dict[tuple[str, str], Row], played: dict[tuple[str, str], Row]) -> str:
+def _trials(trees: dict[tuple[str, str], Row], played: dict[tuple[str, str], Row]) -> Table:
     head = ["method", *(f"{spoken(each)}: leaves, error, value" for each in RECIPES), "success [%]", "steps / goal"]
     methods = [f"{name} rl {n}{ending}" for name in OBJECTIVES for ending in ENDINGS for n in TRIALS]
     body: list[list[str]] = []
@@ -118,10 +163,10 @@ def _trials(trees: dict[tuple[str, str], Row], played: dict[tuple[str, str], Row
                     number(play["cost_per_goal"], ".0f"),
                 ]
             )
-    return markdown(head, body)
+    return Table(head, body)
 
 
-def _play(rows: Sequence[Row]) -> str:
+def _play(rows: Sequence[Row]) -> Table:
     head = ["method", "success [%]", "steps / goal", "against shipped", "p", "own goals [%]", "timeouts [%]", "collisions", "contact steps"]  # fmt: skip
     body = [
         [
@@ -137,7 +182,7 @@ def _play(rows: Sequence[Row]) -> str:
         ]
         for row in rows
     ]
-    return markdown(head, body)
+    return Table(head, body)
 
 
 def _bands(rows: Sequence[Row]) -> str:
@@ -154,17 +199,12 @@ def _bands(rows: Sequence[Row]) -> str:
         ]
         for row in chosen
     ]
-    return markdown(head, body)
+    return Table(head, body)
 
 
 def spoken(behavior: str) -> str:
     """The name of a behavior in a text."""
     return behavior.replace("_", " ")
-
-
-def number(value: float | None, form: str, scale: float = 1.0) -> str:
-    """A number; empty where there is none."""
-    return "" if value is None else f"{value * scale:{form}}"
 
 
 def _spread(row: Row, name: str, form: str) -> str:
@@ -178,9 +218,3 @@ def _between(row: Row, middle: str, low: str, high: str, scale: float, form: str
     if words and row[low] is not None and row[high] is not None:
         words += f" ({number(row[low], form, scale)} to {number(row[high], form, scale)})"
     return words
-
-
-def markdown(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:
-    """A table."""
-    lines = [head, ["---"] * len(head), *body]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

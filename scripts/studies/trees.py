@@ -23,6 +23,7 @@ from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.core.tree_value import tree_value
 from fbql_common.core.errors import BadInput
 
+from studies import tree_words
 from studies.comparison import finite
 from studies.inference import Interval, paired_p_value, ratio_of_sums
 from studies.optimal_trees import make_importable
@@ -38,9 +39,10 @@ from studies.tree_methods import (
     setting,
 )
 from studies.tree_play import FIXED_ONLY, PRESETS, PRESETS_ONLY, RETUNED, SETTINGS, Score, retuned, score
-from studies.tree_words import tables
 
 DESCRIPTION = "trees from demonstrations: objectives, trials and other methods, by held-out error and by play"
+COLUMNS = tree_words.COLUMNS
+words = tree_words.tables
 FIRST_SEED = 1001
 """The first demonstration seed, and run seed of play."""
 KNOWN_SEEDS = range(1, 9)
@@ -330,9 +332,7 @@ def _band(objective: str, behavior: str, leaves: Sequence[int]) -> Row:
 
 
 def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
-    """The figures of docs/trees.md, and its tables."""
+    """The figures of docs/trees.md."""
     from studies.tree_figures import draw_all
 
-    text = "\n\n".join(f"{title}\n\n{each}" for title, each in tables(table(results)).items())
-    (directory / "tables.md").write_text(f"{text}\n")
-    return [*draw_all(results, directory), directory / "tables.md"]
+    return draw_all(results, directory)

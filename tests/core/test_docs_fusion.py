@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from studies.study import study_of
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -24,7 +25,7 @@ def page() -> str:
 
 
 def studies() -> list[str]:
-    return [name for name in generator()["TABLES"] if (DOCS / "data" / f"{name}.json").exists()]
+    return [name for name in generator()["STUDIES"] if (DOCS / "data" / f"{name}.json").exists()]
 
 
 def test_tables_and_figures_stand_where_their_generator_writes_them() -> None:
@@ -36,10 +37,10 @@ def test_tables_and_figures_stand_where_their_generator_writes_them() -> None:
 def test_every_table_and_figure_of_every_study_has_its_place_once() -> None:
     places = [(kind, study, title) for _, kind, study, title, _, _ in generator()["PLACE"].findall(page())]
     assert len(set(places)) == len(places)
-    assert {study for _, study, _ in places} == set(generator()["TABLES"])
+    assert {study for _, study, _ in places} == set(generator()["STUDIES"])
     for study in studies():
         data = json.loads((DOCS / "data" / f"{study}.json").read_text())
-        made = {("table", study, title) for title in generator()["TABLES"][study](data)}
+        made = {("table", study, title) for title in study_of(study).words(data["table"])}
         assert {place for place in places if place[:2] == ("table", study)} == made
         curves = DOCS / "data" / f"{study}_curves.json"
         if curves.exists():

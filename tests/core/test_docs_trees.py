@@ -18,6 +18,7 @@ from fbql_behaviors.core.recipes import RECIPES
 from launcher.instruct import instruct
 from launcher.make_trees import DEMONSTRATION_SEED, INDUCTION_SEED
 from studies.leaf_tuning import FRESH, PRINTED, SHIPPED
+from studies.study import study_of
 from studies.tree_methods import FAMILIES
 from studies.tree_play import FIXED_ONLY, SETTINGS
 from studies.tree_words import SHOWN
@@ -48,7 +49,7 @@ def test_the_tables_are_what_their_generator_writes() -> None:
 
 def test_no_table_of_a_study_is_missing_from_the_page() -> None:
     told = [(study, title) for _, study, title, _ in generator()["PLACE"].findall(page())]
-    made = [(study, title) for study in SEEDS for title in generator()["TABLES"][study](data(study)["table"])]
+    made = [(study, title) for study in SEEDS for title in study_of(study).words(data(study)["table"])]
     assert sorted(told) == sorted(made)
 
 

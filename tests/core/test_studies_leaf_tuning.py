@@ -6,7 +6,6 @@ import json
 from argparse import ArgumentParser
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,6 +16,7 @@ from fbql_common.core.errors import BadInput
 from fbql_fusion.core.parameters import PRESETS, Thresholds
 from studies import leaf_tuning
 from studies.study import Result, Task
+from studies.tables import as_markdown
 from studies.tree_play import Score
 
 
@@ -136,8 +136,8 @@ def test_a_table_of_nothing_is_empty() -> None:
     assert leaf_tuning.table({}) == []
 
 
-def test_the_tables_for_the_page_tell_of_behaviors_and_teams_before_and_after(tmp_path: Path) -> None:
-    (file,) = leaf_tuning.figures({"a": result(100.0, 20), "b": result(120.0, 20)}, tmp_path)
-    text = file.read_text()
+def test_the_tables_for_the_page_tell_of_behaviors_and_teams_before_and_after() -> None:
+    told = leaf_tuning.words(leaf_tuning.table({"a": result(100.0, 20), "b": result(120.0, 20)}))
+    text = "\n".join(map(as_markdown, told.values()))
     assert "| shipped | ball seeking | steps | 110 | 100 | -9.1 | -10 (-10 to -10) | " in text
     assert "| shipped | tuned | success rate | 0.1 | 0.2 | +100.0 | +0.1 (+0.1 to +0.1) | " in text

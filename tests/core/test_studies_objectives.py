@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from argparse import ArgumentParser
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +12,7 @@ from fbql_common.core.errors import BadInput
 from studies import objectives, tree_methods, trees
 from studies.leaf_tuning import FIRST_MEASURING_SEED
 from studies.study import Task
+from studies.tables import as_markdown
 from studies.tree_play import SETTINGS, TUNING_SEED, Score
 
 FEW = {behavior: replace(recipe, demonstrations=12, steps=20) for behavior, recipe in tree_methods.RECIPES.items()}
@@ -37,7 +37,7 @@ def test_a_study_of_nothing_is_refused(name: str) -> None:
         tasks(f"--{name}", "0")
 
 
-def test_both_objectives_play_the_same_episodes_twice_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_both_objectives_play_the_same_episodes_twice_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tree_methods, "RECIPES", FEW)
     monkeypatch.setattr(objectives, "retuned", lambda _: (0.1, 0.2))
     asked: list[tuple[int, int]] = []
@@ -53,8 +53,8 @@ def test_both_objectives_play_the_same_episodes_twice_the_same(monkeypatch: pyte
     assert set(asked) == {(objectives.FIRST_SEED, 3)}
     assert set(result) == {"weighted", "printed"}
     assert result["weighted"]["play"]["fixed"]["steps"] != result["printed"]["play"]["fixed"]["steps"]
-    (file,) = objectives.figures({"a": result}, tmp_path)
-    assert "| held out | ball seeking: error [levels] | " in file.read_text()
+    (told,) = objectives.words(objectives.table({"a": result})).values()
+    assert "| held out | ball seeking: error [levels] | " in as_markdown(told)
 
 
 def result(weighted_steps: int, printed_steps: int) -> dict[str, Any]:

@@ -14,9 +14,10 @@ from typing import Any
 import probe_study
 import pytest
 from launcher import experiment
-from launcher.experiment import as_text, main
+from launcher.experiment import main
 from studies.store import Store, write_failure, write_result
-from studies.study import MEASURED, STUDIES, study_of
+from studies.study import MEASURED, STUDIES, Table, study_of
+from studies.tables import as_markdown, as_text, rows_as_text
 
 ROOT = Path(__file__).resolve().parents[2]
 PROBE = ("probe", "probe_study")
@@ -87,6 +88,7 @@ def test_json_is_one_object_with_the_table_and_the_same_as_in_the_directory(
     assert printed.count("\n") == 1
     summary = json.loads(printed)
     assert summary["table"][0]["n"] == summary["tasks"] == summary["done"] == 2
+    assert summary["columns"] == probe_study.COLUMNS
     assert summary["out"] == str(tmp_path / "out")
     assert json.loads((tmp_path / "out" / "table.json").read_text()) == summary
     assert (tmp_path / "out" / "figure.svg").exists()
@@ -167,14 +169,49 @@ def test_a_second_run_into_a_directory_is_refused_while_the_first_goes_on(
     assert json.loads(out)["done"] == 1
 
 
-def test_a_directory_of_other_options_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(arguments(tmp_path, "--seeds", "1")) == 0
-    capsys.readouterr()
+@pytest.mark.parametrize(
+    ("config", "says"),
+    [
+        ({"options": {"seeds": 1}}, "holds this study with --seeds 1, not 2;"),
+        ({"study": "trees"}, "holds the study trees, not probe;"),
+        ({"options": {"seeds": 2, "max_steps": 7}}, "holds this study with --max-steps 7, not None;"),
+        ([], "holds a config.json that is no study's;"),
+    ],
+)
+def test_a_directory_of_another_study_or_other_options_is_refused(
+    config: Any, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out").mkdir()
+    path = tmp_path / "out" / "config.json"
+    asked = {"study": "probe", "options": {"seeds": 2, "others": [], "place": str(tmp_path)}}
+    if isinstance(config, dict):
+        config = {**asked, **config, "options": {**asked["options"], **config.get("options", {})}}
+    path.write_text(json.dumps(config, indent=2, sort_keys=True) + "\n")
     assert main(arguments(tmp_path, "--seeds", "2")) == 2
     captured = capsys.readouterr()
-    assert "other options" in captured.err
+    assert says in captured.err
     assert captured.err.count("\n") == 1
     assert captured.out == ""
+
+
+def test_a_directory_with_other_files_is_refused_and_left_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "notes.txt").touch()
+    assert main(arguments(tmp_path)) == 2
+    assert "no study's directory, but notes.txt is in it; choose a new one" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["notes.txt"]
+
+
+def test_results_are_told_as_tables_of_words_and_kept_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = [each for each in arguments(tmp_path, "--seeds", "2") if each != "--json"]
+    assert main(told) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:3] == ["what was drawn", "", "tasks                mean"]
+    assert lines[-2].startswith("2 of 2 tasks; results in ")
+    assert lines[-1] == f"figure {tmp_path / 'out' / 'figure.svg'}"
+    assert (tmp_path / "out" / "tables.md").read_text().startswith("what was drawn\n\n| tasks | mean |\n")
 
 
 @pytest.mark.parametrize("more", [("--seeds", "-1"), ("--jobs", "0"), ("--scheduler", "nonsense://x")])
@@ -208,17 +245,48 @@ def test_a_torn_result_counts_as_not_done(tmp_path: Path) -> None:
 def test_every_study_has_what_a_study_needs(name: str) -> None:
     study = study_of(name)
     assert study.DESCRIPTION
-    assert all(callable(getattr(study, part)) for part in ("add_options", "tasks", "run", "table", "figures"))
+    parts = ("add_options", "tasks", "run", "table", "words", "figures")
+    assert all(callable(getattr(study, part)) for part in parts)
 
 
-def test_a_table_in_words_has_aligned_columns_and_says_where_a_number_is_missing() -> None:
+@pytest.mark.parametrize("name", sorted(STUDIES))
+def test_every_column_of_a_study_says_what_it_is(name: str) -> None:
+    rows = json.loads((ROOT / "docs" / "data" / f"{name}.json").read_text())["table"]
+    assert rows and all(study_of(name).COLUMNS[column] for row in rows for column in row)
+
+
+def test_rows_in_words_have_aligned_columns_and_say_where_a_number_is_missing() -> None:
     rows = [{"name": "a", "value": 1.23456}, {"name": "bcd", "value": None}]
-    assert as_text(rows).splitlines() == ["name  value", "   a  1.235", " bcd    n/a"]
-    assert as_text([*rows, {"n": 3}]).splitlines()[3:] == ["", "n", "3"]
-    assert as_text([]) == "no results"
-    assert as_text(rows, width=5).splitlines() == ["name  value", "   a  1.235", " bcd    n/a"], "at least two columns"
-    wide = as_text([{"name": "a", "first": 1, "second": 2, "third": 3}], width=20)
-    assert wide.splitlines() == ["name  first  second", "   a      1       2", "", "name  third", "   a      3"]
+    assert rows_as_text(rows).splitlines() == ["name  value", "a     1.235", "bcd     n/a"]
+    assert rows_as_text([*rows, {"n": 3}]).splitlines()[3:] == ["", "n", "3"]
+    assert rows_as_text([]) == "no results"
+
+
+def test_a_table_that_is_too_wide_goes_on_below() -> None:
+    table = Table(["name", "first", "second", "third"], [["a", "1", "2", ""], ["bcd", "4", "5", "6"]])
+    assert as_text(table, 80).splitlines() == [
+        "name  first  second  third",
+        "a         1       2",
+        "bcd       4       5      6",
+    ]
+    narrow = as_text(table, 19).splitlines()
+    assert narrow == [
+        "name  first  second",
+        "a         1       2",
+        "bcd       4       5",
+        "",
+        "name  third",
+        "a",
+        "bcd       6",
+    ]
+    assert as_text(table, 1).splitlines()[:3] == ["name  first", "a         1", "bcd       4"], (
+        "one column beside the first"
+    )
+    assert as_markdown(table).splitlines()[:3] == [
+        "| name | first | second | third |",
+        "| --- | --- | --- | --- |",
+        "| a | 1 | 2 |  |",
+    ]
 
 
 @pytest.mark.long
@@ -251,8 +319,8 @@ def test_a_cluster_gives_the_results_of_the_local_workers_and_a_killed_worker_co
         assert main(arguments(tmp_path, "--others", "raise", "kill_once", "--scheduler", address, out="cluster")) == 1
         summary = json.loads(capsys.readouterr().out)
     finally:
-        for process in reversed(processes):
-            process.terminate()
+        for process in processes:
+            process.kill()  # a worker that is asked to end may wait for a scheduler that ends as well
         for process in processes:
             process.wait(timeout=30)
     assert probe_study.attempts(tmp_path).count("kill_once") == 2

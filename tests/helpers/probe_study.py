@@ -8,16 +8,17 @@ from __future__ import annotations
 import argparse
 import os
 import signal
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
 from fbql_common.core.errors import BadInput
-from studies.study import Result, Row, Task
+from studies.study import Result, Row, Table, Task
 
 DESCRIPTION = "a study for tests"
+COLUMNS = {"mean": "the mean of what was drawn", "n": "of how many tasks"}
 WAIT_S = 60.0
 
 
@@ -58,6 +59,11 @@ def table(results: Mapping[str, Result]) -> list[Row]:
     """One row: the mean, and of how many tasks."""
     values = [result["value"] for result in results.values()]
     return [{"mean": sum(values) / len(values) if values else None, "n": len(values)}]
+
+
+def words(rows: Sequence[Row]) -> dict[str, Table]:
+    """The row in words."""
+    return {"what was drawn": Table(["tasks", "mean"], [[str(row["n"]), f"{row['mean']}"] for row in rows])}
 
 
 def figures(_results: Mapping[str, Result], directory: Path) -> list[Path]:

@@ -1,0 +1,64 @@
+"""Tables that people read: a head and a body of words, as Markdown for the pages and as aligned text for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+from shutil import get_terminal_size
+
+from studies.study import Row, Table
+
+_GAP = "  "
+_NONE = "n/a"
+
+
+def as_markdown(table: Table) -> str:
+    """The table in Markdown."""
+    lines = [table.head, ["---"] * len(table.head), *table.body]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def as_text(table: Table, width: int | None = None) -> str:
+    """The table with aligned columns: numbers to the right, words to the left, emphasis left out.
+
+    Args:
+        width: characters that a line may have, those of the terminal where it is not given. A table that is wider goes on
+            below with its other columns, the first one repeated; one column beside it there always is.
+    """
+    width = width or get_terminal_size((160, 0)).columns
+    cells = [[cell.replace("**", "") for cell in row] for row in (table.head, *table.body)]
+    columns = list(zip(*cells, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    align = [str.ljust if _is_wordy(column[1:]) else str.rjust for column in columns]
+    parts: list[list[int]] = [[]]
+    for i in range(1, len(widths)):
+        if parts[-1] and sum(len(_GAP) + widths[j] for j in (*parts[-1], i)) + widths[0] > width:
+            parts.append([])
+        parts[-1].append(i)
+    return "\n\n".join(
+        "\n".join(_GAP.join(align[i](row[i], widths[i]) for i in (0, *part)).rstrip() for row in cells)
+        for part in parts
+    )
+
+
+def _is_wordy(column: Sequence[str]) -> bool:
+    """Whether there is a cell that does not begin like a number."""
+    return any(cell[0] not in "+-.0123456789" for cell in column if cell and cell != _NONE)
+
+
+def rows_as_text(rows: Sequence[Row], width: int | None = None) -> str:
+    """Rows as they are, in tables with aligned columns; rows of other columns begin a new table."""
+    parts = [(list(columns), list(part)) for columns, part in groupby(rows, key=tuple)]
+    told = [Table(columns, [[_cell(row[name]) for name in columns] for row in part]) for columns, part in parts]
+    return "\n\n".join(as_text(each, width) for each in told) or "no results"
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return _NONE
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def number(value: float | None, form: str, scale: float = 1.0) -> str:
+    """A number; empty where there is none."""
+    return "" if value is None else f"{value * scale:{form}}"
