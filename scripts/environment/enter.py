@@ -19,16 +19,20 @@ ROOT = Path(__file__).resolve().parents[2]
 # Set to the process id when an entry starts itself again in the environment. exec keeps the process id, and no child
 # has it, so that this is never inherited by an entry that has yet to look after its environment.
 ENTERED = "_FBQL_ENTERED"
+_HELP = {"-h", "--help"}
 
 
 def enter(name: str, *, purpose: str = "run", package: str = "launcher") -> None:
     """Run `PACKAGE.NAME.main(argv)` in the environment and exit with what it returns.
 
-    `purpose` is run, test (adds the test tools) or study (adds what studies need). Does not return.
+    `purpose` is run, test (adds the test tools) or study (adds what studies need, but not where only its help is asked for).
+    Does not return.
     """
     if os.environ.pop(ENTERED, None) == str(os.getpid()):
         module = importlib.import_module(f"{package}.{name}")
         sys.exit(module.main(sys.argv[1:]))
+    if purpose == "study" and _HELP.intersection(sys.argv[1:]):
+        purpose = "run"
     target, environ = environment_or_exit(purpose)
     environ[ENTERED] = str(os.getpid())
     os.execve(target.python, [str(target.python), sys.argv[0], *sys.argv[1:]], environ)
