@@ -19,7 +19,6 @@ from fbql_behaviors.core.observation import OBSERVATIONS
 from fbql_behaviors.core.patterns import patterns_of
 from fbql_behaviors.core.recipes import RECIPES
 from fbql_behaviors.core.tree import Tree
-from fbql_common.core.errors import BadInput
 from fbql_fusion.core.parameters import PRESETS, Thresholds
 from launcher.instruct import instruct
 from launcher.make_trees import DEMONSTRATION_SEED, INDUCTION_SEED
@@ -27,7 +26,7 @@ from launcher.practice import PracticeGround, measure, measuring_seeds
 
 from studies import leaf_tuning_words
 from studies.inference import mean_interval, paired_p_value
-from studies.study import Parameters, Result, Row, Task
+from studies.study import Parameters, Result, Row, Task, check_counts
 from studies.tree_play import RETUNED, retuned, score
 
 DESCRIPTION = "leaf tuning: each behavior and the team before and after, from the same starts"
@@ -54,9 +53,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """A task for each kind of trees and tuning seed; fresh demonstrations are others for each."""
-    for name in ("seeds", "starts", "episodes"):
-        if getattr(options, name) < 1:
-            raise BadInput(f"--{name} is {getattr(options, name)}; it must be 1 or more")
+    check_counts(options, seeds=None, starts=None, episodes=None)
     return [
         Task(
             f"{trees.split()[0]}-{FIRST_TUNING_SEED + index}",

@@ -12,12 +12,11 @@ from pathlib import Path
 
 from fbql_behaviors.core.evaluation import wheel_rmse
 from fbql_behaviors.core.recipes import RECIPES
-from fbql_common.core.errors import BadInput
 
 from studies import objectives_words
 from studies.inference import mean_interval, paired_p_value
 from studies.leaf_tuning import TEAM_MEASURES
-from studies.study import Parameters, Result, Row, Task
+from studies.study import Parameters, Result, Row, Task, check_counts
 from studies.tree_methods import OBJECTIVES, Lesson, induced
 from studies.tree_play import PRESETS, SETTINGS, retuned, score
 
@@ -38,9 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """A task for each demonstration seed."""
-    for name in ("seeds", "episodes"):
-        if getattr(options, name) < 1:
-            raise BadInput(f"--{name} is {getattr(options, name)}; it must be 1 or more")
+    check_counts(options, seeds=None, episodes=None)
     seeds = range(FIRST_SEED, FIRST_SEED + options.seeds)
     return [Task(str(seed), {"seed": seed, "episodes": options.episodes}) for seed in seeds]
 

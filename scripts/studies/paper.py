@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from fbql_behaviors.core.behavior import Behavior
-from fbql_common.core.errors import BadInput
 from fbql_common.core.types import Phase
 from fbql_fusion.core.controllers import FbqlLiteral
 from fbql_fusion.core.equations import tied
@@ -32,7 +31,7 @@ from studies import fusion_words
 from studies.comparison import Runs, filled, method_row, runs_by_method
 from studies.courses import courses
 from studies.ladder_rungs import early_rung_rows
-from studies.study import Parameters, Result, Row, Task
+from studies.study import Parameters, Result, Row, Task, check_counts
 from studies.tuning import retuned
 
 DESCRIPTION = "the paper's protocol: 20 guided episodes, then until 50 goals, all methods on the same starts"
@@ -128,9 +127,7 @@ DRAWN = (PAPER, RETUNED, "fbql literal, ties: none", *LEARNERS, papers_guide(LEA
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """For each tree set one of the Subsumption that is tuned for it, and one of all others for every RUNS_PER_TASK seeds."""
-    for name in ("seeds", "trees", "goals", "max_steps"):
-        if getattr(options, name) < 1:
-            raise BadInput(f"--{name.replace('_', '-')} is {getattr(options, name)}; it must be 1 or more")
+    check_counts(options, seeds=None, trees=None, goals=None, max_steps=None)
     given = {"goals": options.goals, "max_steps": options.max_steps}
     seeds = range(FIRST_RUN_SEED, FIRST_RUN_SEED + options.seeds)
     trees = range(FIRST_TREE_SEED, FIRST_TREE_SEED + options.trees)

@@ -24,7 +24,7 @@ from studies import fusion_words
 from studies.comparison import Runs, method_row, ratio, runs_by_method
 from studies.inference import Resamples
 from studies.paper import BEHAVIORS, FIRST_RUN_SEED, FIRST_TREE_SEED
-from studies.study import MEASURED, Parameters, Result, Row, Task
+from studies.study import MEASURED, Parameters, Result, Row, Task, check_counts
 from studies.tree_play import Score
 
 DESCRIPTION = (
@@ -54,10 +54,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """One for the controls of each tree set, one for each learner, tree set and seed; those that can't run are left out."""
-    limits = {"seeds": SEEDS_OF_A_TREE_SET, "trees": MOST_TREE_SETS, "steps": 2**62, "episodes": 2**31}
-    for name, most in limits.items():
-        if not 1 <= getattr(options, name) <= most:
-            raise BadInput(f"--{name} is {getattr(options, name)}; it must be 1 to {most}")
+    check_counts(options, seeds=SEEDS_OF_A_TREE_SET, trees=MOST_TREE_SETS, steps=2**62, episodes=2**31)
     if find_spec("gymnasium") is None:
         raise BadInput("the study of peers needs Gymnasium: pip install -r requirements-study.txt")
     from peers.learners import LEARNERS, NEED_PPO

@@ -8,6 +8,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from fbql_common.core.errors import BadInput
+
 Parameters = dict[str, Any]
 """Plain JSON values: all that a task depends on."""
 Result = dict[str, Any]
@@ -66,6 +68,15 @@ class Study(Protocol):
     def figures(self, results: Mapping[str, Result], directory: Path) -> list[Path]:
         """Draws the study's figures; gives the files. A study without figures gives none."""
         ...
+
+
+def check_counts(options: argparse.Namespace, **most: int | None) -> None:
+    """Raises BadInput where an option of these names is not from 1 to so many; None: as many as wanted."""
+    for name, limit in most.items():
+        count = getattr(options, name)
+        if count < 1 or (limit is not None and count > limit):
+            allowed = "1 or more" if limit is None else f"1 to {limit}"
+            raise BadInput(f"--{name.replace('_', '-')} is {count}; it must be {allowed}")
 
 
 STUDIES: dict[str, str] = {

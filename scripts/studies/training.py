@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from fbql_behaviors.core.behavior import Behavior
-from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, Phase, WheelCommand, World
 from fbql_fusion.core.metrics import EpisodeRecord
 from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters
@@ -20,7 +19,7 @@ from launcher.in_process import play
 from launcher.make_trees import make_tree
 
 from studies.paper import BEHAVIORS, LEARNERS, add_max_steps, figures_of
-from studies.study import Result, Row
+from studies.study import Result, Row, check_counts
 
 MOST_TREE_SETS = 9
 SEEDS_OF_A_TREE_SET = 100
@@ -84,11 +83,14 @@ def add_options(parser: ArgumentParser, trees: int, seeds: int, episodes: int, e
 
 def check_options(options: Namespace) -> None:
     """Raises BadInput for a number out of range."""
-    limits = {"trees": MOST_TREE_SETS, "seeds": SEEDS_OF_A_TREE_SET}
-    for name in ("trees", "seeds", "episodes", "evaluate", "max_steps"):
-        found, most = getattr(options, name), limits.get(name, 1_000_000)
-        if not 1 <= found <= most:
-            raise BadInput(f"--{name.replace('_', '-')} is {found}; it must be 1 to {most}")
+    check_counts(
+        options,
+        trees=MOST_TREE_SETS,
+        seeds=SEEDS_OF_A_TREE_SET,
+        episodes=1_000_000,
+        evaluate=1_000_000,
+        max_steps=1_000_000,
+    )
 
 
 class Trained(NamedTuple):

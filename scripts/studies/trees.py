@@ -21,13 +21,12 @@ from fbql_behaviors.core.quantizer import rad_s_of
 from fbql_behaviors.core.recipes import RECIPES
 from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.core.tree_value import tree_value
-from fbql_common.core.errors import BadInput
 
 from studies import tree_words
 from studies.comparison import finite
 from studies.inference import Interval, paired_p_value, ratio_of_sums
 from studies.optimal_trees import make_importable
-from studies.study import MEASURED, Parameters, Result, Row, Task
+from studies.study import MEASURED, Parameters, Result, Row, Task, check_counts
 from studies.tree_methods import (
     FAMILIES,
     OBJECTIVES,
@@ -73,9 +72,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """For each seed a task for each family of methods and one for the sizes of trees; one for the known seeds."""
-    for name in ("seeds", "episodes"):
-        if getattr(options, name) < 1:
-            raise BadInput(f"--{name} is {getattr(options, name)}; it must be 1 or more")
+    check_counts(options, seeds=None, episodes=None)
     if options.pystreed:
         make_importable(options.pystreed)
     found = [Task("known-seeds", {"part": "known"})]

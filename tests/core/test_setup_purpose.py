@@ -8,7 +8,7 @@ import pytest
 from environment import enter
 
 
-class Asked(Exception):  # noqa: N818 - it is no error
+class Asked(Exception):
     """Which purpose an environment was asked for."""
 
 
