@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,8 +33,8 @@ def learning(by_name: Mapping[str, Trainings], controls: Mapping[str, Runs]) -> 
     }
     reached = {
         name: {
-            "cost": _short(list(ratio(runs, "steps", "goals"))),
-            "success": _short(list(ratio(runs, "goals", "episodes"))),
+            "cost": short(ratio(runs, "steps", "goals")),
+            "success": short(ratio(runs, "goals", "episodes")),
         }
         for name, runs in controls.items()
     }
@@ -67,13 +67,13 @@ def _band(runs: Trainings, numerator: str, denominator: str = "") -> list[list[f
     above = _table(runs, numerator)
     below = _table(runs, denominator) if denominator else np.ones_like(above)
     band = Resamples([tree for tree, _ in runs]).ratio_band(above, below)
-    return [_short(line) for line in band.tolist()]
+    return [short(line) for line in band.tolist()]
 
 
 def _table(runs: Trainings, name: str) -> NDArray[np.float64]:
     return np.array([[part[name] for part in each["curve"]] for each in runs.values()], dtype=np.float64)
 
 
-def _short(values: list[float]) -> list[float | None]:
+def short(values: Sequence[float]) -> list[float | None]:
     """Few digits; None for what is not finite."""
     return [float(f"{x:.{_DIGITS}g}") if np.isfinite(x) else None for x in values]

@@ -11,7 +11,6 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from launcher.make_trees import make_tree
 from studies import fusion_words
 from studies.comparison import Runs, method_row, ratio, runs_by_method
 from studies.inference import Resamples
+from studies.learning_curves import short
 from studies.paper import BEHAVIORS, FIRST_RUN_SEED, FIRST_TREE_SEED
 from studies.study import MEASURED, Parameters, Result, Row, Task, check_counts
 from studies.tree_play import Score
@@ -175,8 +175,8 @@ def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
         "peers": [
             {
                 "method": method,
-                "cost": _told(ratio(by_run, "steps", "goals")),
-                "success": _told(ratio(by_run, "goals", "episodes")),
+                "cost": short(ratio(by_run, "steps", "goals")),
+                "success": short(ratio(by_run, "goals", "episodes")),
             }
             for method, by_run in runs.items()
         ]
@@ -194,8 +194,4 @@ def _course(runs: Sequence[Mapping[str, Any]]) -> list[list[float | None]]:
         np.array([[part[name] for part in run["curve"]] for run in runs], dtype=np.float64)
         for name in ("goals", "episodes")
     )
-    return [_told(line) for line in resamples.ratio_band(goals, episodes).tolist()]
-
-
-def _told(values: Sequence[float]) -> list[float | None]:
-    return [x if isfinite(x) else None for x in values]
+    return [short(line) for line in resamples.ratio_band(goals, episodes).tolist()]
