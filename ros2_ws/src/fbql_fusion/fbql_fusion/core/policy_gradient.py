@@ -7,7 +7,7 @@ k steps: R is the discounted reward of these steps and gamma^k the discount over
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, prod
+from math import exp
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,7 +129,7 @@ def add_shared(table: Floats, active: NDArray[np.int64], steps: Floats, rate: fl
     that stands still decides the same over and over) the step is divided by L, so that nothing overshoots its target.
 
     Args:
-        table: [features, n] or [features], C-contiguous; changed in place.
+        table: [features, n] or [features]; changed in place.
         active: [N, F].
         steps: [N, n] or [N].
     """
@@ -138,8 +138,6 @@ def add_shared(table: Floats, active: NDArray[np.int64], steps: Floats, rate: fl
         return
     every = active.ravel()
     moved = np.bincount(every)[active].sum(axis=1) * (rate / features)
-    steps = (steps.T / np.maximum(moved, 1.0)).T
-    shared: Floats = np.repeat(steps * (rate / features), features, axis=0)
-    columns = np.arange(prod(table.shape[1:]))
-    entries: NDArray[np.int64] = (every[:, None] * len(columns) + columns).ravel()
-    np.add.at(table.reshape(-1), entries, shared.ravel())  # along one axis, where it is fast; a view of the table
+    shares = steps.T / np.maximum(moved, 1.0) * (rate / features)
+    for column, share in zip(np.atleast_2d(table.T), np.atleast_2d(shares), strict=True):
+        np.add.at(column, every, np.repeat(share, features))
