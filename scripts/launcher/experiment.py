@@ -54,11 +54,12 @@ def _main(options: Any, interrupts: Interrupts) -> int:
         table = study.table(results)
         told = study.words(table)
         summary = {
+            "study": options.study,
             "table": table,
             "columns": {name: study.COLUMNS[name] for name in dict.fromkeys(name for row in table for name in row)},
             "out": str(out),
             "options": own,
-            "git_revision": git_revision(ROOT),
+            "git_revision": ", ".join(store.revisions()) or "unknown",
             "tasks": len(tasks),
             "done": len(results),
             "failed": failed,
@@ -99,6 +100,15 @@ def _run(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrup
     done = len(tasks) - len(waiting)
     if done:
         print(f"{done} of {len(tasks)} tasks are done already", file=sys.stderr)
+    if waiting:
+        if done and not store.revisions():
+            store.add_revision("unknown")
+        store.add_revision(git_revision(ROOT))
+        if len(store.revisions()) > 1:
+            print(
+                "note: they were done by another revision of the project; a new directory does all anew",
+                file=sys.stderr,
+            )
     begun_s = monotonic()
     for count, ended in enumerate(_ended(options, store, waiting, interrupts), start=1):
         left_s = (monotonic() - begun_s) / count * (len(waiting) - count)

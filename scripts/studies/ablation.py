@@ -149,7 +149,20 @@ def table(results: Mapping[str, Result]) -> list[Row]:
     features = {
         result["runs"][0]["method"]: result["size"]["features"] for result in results.values() if "size" in result
     }
-    return [{**method_row(method, by_method, CONTROLS), "features": features.get(method)} for method in by_method]
+    changed = played_variants() | trained_variants()
+    return [
+        {
+            **method_row(method, by_method, CONTROLS),
+            "features": features.get(method),
+            "changes": as_set(changed.get(method, {})),
+        }
+        for method in by_method
+    ]
+
+
+def as_set(changes: Changes) -> str:
+    """Changes as --set takes them."""
+    return " ".join(f"{name}={str(value).lower()}" for name, value in changes.items())
 
 
 def _runs(results: Mapping[str, Result]) -> dict[str, Runs]:

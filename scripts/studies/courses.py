@@ -21,26 +21,28 @@ _DIGITS = 4
 
 
 def courses(by_method: Mapping[str, Runs]) -> dict[str, Any]:
-    """Method -> measure -> [mean, low, high] over the runs at each success: moving averages and 95 % intervals."""
+    """Method -> measure -> [mean, low, high] over the runs at each success from the WINDOW-th on: moving averages and 95 %
+    intervals. Empty where no run has so many."""  # fmt: skip
     return {method: _course(runs) for method, runs in by_method.items()}
 
 
 def _course(runs: Runs) -> dict[str, Any]:
     tables = [successes_of(run["course"]) for run in runs.values()]
     longest = max((len(table) for table in tables), default=0)
-    if not longest:
+    if longest < WINDOW:
         return {}
-    values = np.full((len(tables), longest, len(MEASURES)), np.nan)
+    values = np.full((len(tables), longest - WINDOW + 1, len(MEASURES)), np.nan)
     for table, row in zip(tables, values, strict=True):
-        row[: len(table)] = averaged(table)
+        found = averaged(table)
+        row[: len(found)] = found
     resamples = Resamples([tree for tree, _ in runs])
-    found: dict[str, Any] = {"runs": (~np.isnan(values[:, :, 0])).sum(axis=0).tolist()}
+    told: dict[str, Any] = {"first": WINDOW, "runs": (~np.isnan(values[:, :, 0])).sum(axis=0).tolist()}
     for i, measure in enumerate(MEASURES):
         band = resamples.mean_band(values[:, :, i])
         if measure == "success rate":  # it was averaged as episodes for each success
             band = 1.0 / band[[0, 2, 1]]
-        found[measure] = [[float(f"{x:.{_DIGITS}g}") for x in line] for line in band.tolist()]
-    return found
+        told[measure] = [[float(f"{x:.{_DIGITS}g}") for x in line] for line in band.tolist()]
+    return told
 
 
 def successes_of(course: Sequence[Sequence[int]]) -> NDArray[np.float64]:
@@ -62,7 +64,6 @@ def successes_of(course: Sequence[Sequence[int]]) -> NDArray[np.float64]:
 
 
 def averaged(table: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The mean of each row and the WINDOW - 1 rows before it; of as many as there are at the beginning."""
-    sums = np.cumsum(table, axis=0)
-    sums[WINDOW:] -= sums[:-WINDOW].copy()
-    return sums / np.minimum(np.arange(1, len(table) + 1), WINDOW)[:, None]
+    """The mean of each WINDOW rows in a row, [rows - WINDOW + 1, columns]; none where there are fewer."""
+    sums = np.cumsum(np.vstack([np.zeros_like(table[:1]), table]), axis=0)
+    return (sums[WINDOW:] - sums[:-WINDOW]) / WINDOW

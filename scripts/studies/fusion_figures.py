@@ -92,7 +92,7 @@ def paper_figure(numbers: Mapping[str, Any]) -> Figure:
             if measure not in found:
                 continue
             mean, low, high = found[measure]
-            at = range(1, len(mean) + 1)
+            at = range(found["first"], found["first"] + len(mean))
             colour = COLOURS.get(method, BLACK)
             axis.plot(at, mean, color=colour, label=method)
             axis.fill_between(at, low, high, color=colour, alpha=0.2, lw=0)

@@ -18,7 +18,8 @@ _CONTROLS = {
 }
 """Control, as columns name it -> what it is."""
 _COMPARED = {
-    "ratio_{}": "cost_per_goal over that of {}, paired by run on the same episodes; below 1 is better than it",
+    "ratio_{}": "cost_per_goal over that of {}, paired by run on the same episodes; below 1 is better than it; null where "
+    "either has no goal, or is not compared",
     "ratio_{}_low": "the lower end of ratio_{}'s 95 % interval",
     "ratio_{}_high": "its upper end; null where it is infinite",
     "p_{}": "p of the sign-flip test, paired by run, that both cost the same; null with fewer than two runs",
@@ -31,7 +32,7 @@ COLUMNS = {
     "own_goals": "those that ended in an own goal",
     "timeouts": "those that ended by the time limit",
     "success_rate": "goals / episodes",
-    "cost_per_goal": "steps of all episodes / goals",
+    "cost_per_goal": "steps of all episodes / goals; null without a goal",
     "cost_low": "the lower end of its 95 % interval, a bootstrap over tree sets and their runs; null with one run",
     "cost_high": "the upper end; null where it is infinite, or with one run",
     "steps_per_success": "steps of the episodes that ended in a goal / goals",
@@ -42,6 +43,7 @@ COLUMNS = {
         for name, what in _CONTROLS.items()
         for form, words in _COMPARED.items()
     },
+    "changes": "what is changed of fbql's defaults, as --set takes it",
     "joint_states": "joint states met, mean over runs",
     "tied_share": "share of them in which all Q were equal in the end",
     "features": "features met, mean over trainings",
@@ -132,7 +134,9 @@ def ladder_tables(rows: Sequence[Row]) -> dict[str, Table]:
 def ablation_tables(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table of the ablation."""
     controls = {"default": "default", "retuned": "re-tuned", "paper": "paper", "untrained": "never learned"}
-    return {"one change each": _methods(rows, controls)}
+    told = {"one change each": _methods(rows, controls)}
+    changed = [[row["method"], f"`{row['changes']}`"] for row in rows if row.get("changes")]
+    return told | ({"what is changed": Table(["row", "`--set`"], changed)} if changed else {})
 
 
 def scaling_tables(rows: Sequence[Row]) -> dict[str, Table]:

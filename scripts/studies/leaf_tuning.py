@@ -26,7 +26,7 @@ from launcher.practice import PracticeGround, measure, measuring_seeds
 
 from studies import leaf_tuning_words
 from studies.inference import mean_interval, paired_p_value
-from studies.study import Parameters, Result, Row, Task, check_counts
+from studies.study import MOST_PLAYED, MOST_SEEDS, Parameters, Result, Row, Task, check_counts
 from studies.tree_play import RETUNED, retuned, score
 
 DESCRIPTION = "leaf tuning: each behavior and the team before and after, from the same starts"
@@ -53,7 +53,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """A task for each kind of trees and tuning seed; fresh demonstrations are others for each."""
-    check_counts(options, seeds=None, starts=None, episodes=None)
+    check_counts(options, seeds=MOST_SEEDS, starts=MOST_PLAYED, episodes=MOST_PLAYED)
     return [
         Task(
             f"{trees.split()[0]}-{FIRST_TUNING_SEED + index}",

@@ -16,7 +16,7 @@ from fbql_behaviors.core.recipes import RECIPES
 from studies import objectives_words
 from studies.inference import mean_interval, paired_p_value
 from studies.leaf_tuning import TEAM_MEASURES
-from studies.study import Parameters, Result, Row, Task, check_counts
+from studies.study import MOST_PLAYED, MOST_SEEDS, Parameters, Result, Row, Task, check_counts
 from studies.tree_methods import OBJECTIVES, Lesson, induced
 from studies.tree_play import PRESETS, SETTINGS, retuned, score
 
@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """A task for each demonstration seed."""
-    check_counts(options, seeds=None, episodes=None)
+    check_counts(options, seeds=MOST_SEEDS, episodes=MOST_PLAYED)
     seeds = range(FIRST_SEED, FIRST_SEED + options.seeds)
     return [Task(str(seed), {"seed": seed, "episodes": options.episodes}) for seed in seeds]
 

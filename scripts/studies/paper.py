@@ -31,7 +31,7 @@ from studies import fusion_words
 from studies.comparison import Runs, filled, method_row, runs_by_method
 from studies.courses import courses
 from studies.ladder_rungs import early_rung_rows
-from studies.study import Parameters, Result, Row, Task, check_counts
+from studies.study import MOST_PLAYED, MOST_SEEDS, Parameters, Result, Row, Task, check_counts
 from studies.tuning import retuned
 
 DESCRIPTION = "the paper's protocol: 20 guided episodes, then until 50 goals, all methods on the same starts"
@@ -109,7 +109,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the study's own options."""
     parser.add_argument("--seeds", type=int, default=20, metavar="N", help="run seeds of each tree set (20)")
     parser.add_argument("--trees", type=int, default=5, metavar="N", help="tree sets, each of other demonstrations (5)")
-    parser.add_argument("--goals", type=int, default=50, metavar="N", help="goals after the guided episodes (50)")
+    parser.add_argument(
+        "--goals",
+        type=int,
+        default=50,
+        metavar="N",
+        help=f"goals after the guided episodes (50); a run that takes more than {MOST_EPISODES} episodes ends there",
+    )
     add_max_steps(parser)
 
 
@@ -127,7 +133,7 @@ DRAWN = (PAPER, RETUNED, "fbql literal, ties: none", *LEARNERS, papers_guide(LEA
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """For each tree set one of the Subsumption that is tuned for it, and one of all others for every RUNS_PER_TASK seeds."""
-    check_counts(options, seeds=None, trees=None, goals=None, max_steps=None)
+    check_counts(options, seeds=MOST_SEEDS, trees=MOST_SEEDS, goals=MOST_EPISODES, max_steps=MOST_PLAYED)
     given = {"goals": options.goals, "max_steps": options.max_steps}
     seeds = range(FIRST_RUN_SEED, FIRST_RUN_SEED + options.seeds)
     trees = range(FIRST_TREE_SEED, FIRST_TREE_SEED + options.trees)

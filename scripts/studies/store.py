@@ -3,6 +3,7 @@
 config.json         the study and its options
 tasks/KEY.json      the result of a task that is done
 tasks/KEY.failed    why a task failed; gone once it is done
+revisions.json      the revisions of the project that did tasks, in order
 lock                held while a run uses the directory
 """
 
@@ -79,11 +80,28 @@ class Store:
         os.close(self._lock)
 
     def result_of(self, key: str) -> Result | None:
-        """A task's result; None when it is not done. A file that can't be read counts as not done."""
+        """A task's result; None when it is not done. A file that can't be read, or holds none, counts as not done."""
         try:
-            return json.loads(_result_path(self.directory, key).read_bytes())
+            found = json.loads(_result_path(self.directory, key).read_bytes())
+            return found if isinstance(found, dict) and found else None
         except (OSError, ValueError):
             return None
+
+    def revisions(self) -> list[str]:
+        """The revisions of the project that did the tasks, in order."""
+        try:
+            return json.loads((self.directory / "revisions.json").read_bytes())
+        except OSError:
+            return []
+        except ValueError:
+            return ["unknown"]
+
+    def add_revision(self, revision: str) -> None:
+        """Takes note of the revision that does the tasks from now on."""
+        known = self.revisions()
+        if revision not in known:
+            text = json.dumps([*known, revision])
+            write_atomically(self.directory / "revisions.json", f"{text}\n".encode())
 
     def failure_of(self, key: str) -> str:
         """Why a task failed; empty when it did not."""

@@ -16,6 +16,10 @@ Result = dict[str, Any]
 """Plain JSON values."""
 Row = dict[str, Any]
 
+MOST_SEEDS = 1000
+"""Of a study whose seeds have no other bound: more than anybody waits for."""
+MOST_PLAYED = 1_000_000
+"""And the same of what is played on each."""
 MEASURED = "measured"
 """The one key of a result that may differ from run to run: what was measured with a clock."""
 
@@ -70,13 +74,12 @@ class Study(Protocol):
         ...
 
 
-def check_counts(options: argparse.Namespace, **most: int | None) -> None:
-    """Raises BadInput where an option of these names is not from 1 to so many; None: as many as wanted."""
+def check_counts(options: argparse.Namespace, **most: int) -> None:
+    """Raises BadInput where an option of these names is not from 1 to so many."""
     for name, limit in most.items():
         count = getattr(options, name)
-        if count < 1 or (limit is not None and count > limit):
-            allowed = "1 or more" if limit is None else f"1 to {limit}"
-            raise BadInput(f"--{name.replace('_', '-')} is {count}; it must be {allowed}")
+        if not 1 <= count <= limit:
+            raise BadInput(f"--{name.replace('_', '-')} is {count}; it must be 1 to {limit}")
 
 
 STUDIES: dict[str, str] = {

@@ -19,7 +19,7 @@ from launcher.in_process import play
 from launcher.make_trees import make_tree
 
 from studies.paper import BEHAVIORS, LEARNERS, add_max_steps, figures_of
-from studies.study import Result, Row, check_counts
+from studies.study import MOST_PLAYED, Result, Row, check_counts
 
 MOST_TREE_SETS = 9
 SEEDS_OF_A_TREE_SET = 100
@@ -87,9 +87,9 @@ def check_options(options: Namespace) -> None:
         options,
         trees=MOST_TREE_SETS,
         seeds=SEEDS_OF_A_TREE_SET,
-        episodes=1_000_000,
-        evaluate=1_000_000,
-        max_steps=1_000_000,
+        episodes=MOST_PLAYED,
+        evaluate=MOST_PLAYED,
+        max_steps=MOST_PLAYED,
     )
 
 

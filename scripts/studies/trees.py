@@ -26,7 +26,7 @@ from studies import tree_words
 from studies.comparison import finite
 from studies.inference import Interval, paired_p_value, ratio_of_sums
 from studies.optimal_trees import make_importable
-from studies.study import MEASURED, Parameters, Result, Row, Task, check_counts
+from studies.study import MEASURED, MOST_PLAYED, MOST_SEEDS, Parameters, Result, Row, Task, check_counts
 from studies.tree_methods import (
     FAMILIES,
     OBJECTIVES,
@@ -72,7 +72,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """For each seed a task for each family of methods and one for the sizes of trees; one for the known seeds."""
-    check_counts(options, seeds=None, episodes=None)
+    check_counts(options, seeds=MOST_SEEDS, episodes=MOST_PLAYED)
     if options.pystreed:
         make_importable(options.pystreed)
     found = [Task("known-seeds", {"part": "known"})]

@@ -19,20 +19,21 @@ def test_a_success_carries_the_failures_before_it_and_those_after_the_last_count
     ]
 
 
-def test_a_moving_average_goes_over_the_last_successes_and_no_more() -> None:
+def test_a_moving_average_goes_over_the_last_successes_and_begins_with_the_first_whole_one() -> None:
     table = np.arange(1.0, 9.0)[:, None]
-    found = averaged(table)[:, 0].tolist()
-    assert found[:WINDOW] == [1.0, 1.5, 2.0, 2.5, 3.0]
-    assert found[WINDOW:] == [4.0, 5.0, 6.0]
+    assert averaged(table)[:, 0].tolist() == [3.0, 4.0, 5.0, 6.0]
+    assert len(averaged(table[:WINDOW])) == 1
+    assert len(averaged(table[: WINDOW - 1])) == len(averaged(table[:0])) == 0
 
 
 def test_a_run_with_fewer_successes_counts_as_long_as_it_has_some() -> None:
-    short = {"course": [[GOAL, 10, 0, 0]]}
-    long = {"course": [[GOAL, 30, 0, 0], [OWN_GOAL, 5, 0, 0], [GOAL, 50, 0, 0]]}
-    found = courses({"a": {(1, 0): short, (2, 0): long}})["a"]
-    assert found["runs"] == [2, 1]
-    assert found["steps"][0] == [20.0, 40.0]
-    assert found["success rate"][0] == pytest.approx([1.0, 1 / 1.5], abs=1e-3)
+    short = {"course": [[GOAL, 10, 0, 0]] * WINDOW}
+    long = {"course": [*[[GOAL, 30, 0, 0]] * WINDOW, [OWN_GOAL, 5, 0, 0], [GOAL, 55, 0, 0]]}
+    none = {"course": [[GOAL, 1000, 0, 0]] * (WINDOW - 1)}
+    found = courses({"a": {(1, 0): short, (2, 0): long, (2, 1): none}})["a"]
+    assert (found["first"], found["runs"]) == (WINDOW, [2, 1])
+    assert found["steps"][0] == [20.0, 35.0]
+    assert found["success rate"][0] == pytest.approx([1.0, 1 / 1.2], abs=1e-3)
     mean, low, high = (line[0] for line in found["steps"])
     assert low <= mean <= high
     assert (low, high) == (10.0, 30.0)

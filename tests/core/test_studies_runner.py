@@ -230,12 +230,35 @@ def test_a_place_that_cannot_be_used_is_refused(tmp_path: Path, capsys: pytest.C
     assert "choose another place" in capsys.readouterr().err
 
 
+def test_the_revisions_that_did_the_tasks_are_told_and_not_the_one_that_tells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def told(revision: str, *more: str) -> tuple[str, str]:
+        monkeypatch.setattr(experiment, "git_revision", lambda _: revision)
+        main(arguments(tmp_path, *more))
+        captured = capsys.readouterr()
+        return json.loads(captured.out)["git_revision"], captured.err
+
+    assert told("one", "--others", "raise")[0] == "one"
+    revision, said = told("two", "--others", "raise")
+    assert revision == "one, two"
+    assert "they were done by another revision of the project" in said
+    (tmp_path / "out" / "tasks" / "raise.json").write_text('{"value": 1.0}')
+    revision, said = told("three", "--others", "raise")
+    assert revision == "one, two", "it did nothing"
+    assert "revision" not in said
+    (tmp_path / "out" / "revisions.json").unlink()
+    (tmp_path / "out" / "tasks" / "raise.json").unlink()
+    assert told("four", "--others", "raise")[0] == "unknown, four"
+
+
 def test_a_torn_result_counts_as_not_done(tmp_path: Path) -> None:
     with Store(tmp_path, {}) as store:
         write_result(tmp_path, "a", {"value": 1})
         assert store.result_of("a") == {"value": 1}
-        (tmp_path / "tasks" / "a.json").write_text('{"val')
-        assert store.result_of("a") is None
+        for torn in ('{"val', "", "{}", "[1]", "null"):
+            (tmp_path / "tasks" / "a.json").write_text(torn)
+            assert store.result_of("a") is None
         write_failure(tmp_path, "a", "reason")
         assert store.failure_of("a") == "reason"
     Store(tmp_path, {}).__exit__(None, None, None)
