@@ -444,5 +444,5 @@ def kept(directory: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize("option", ["--trees", "--seeds", "--goals", "--max-steps"])
 def test_the_papers_protocol_refuses_numbers_below_1(option: str) -> None:
-    with pytest.raises(BadInput, match=f"{option} is 0; it must be 1 or more"):
+    with pytest.raises(BadInput, match=f"{option} is 0; it must be 1 to "):
         tasks(paper, *SMALL, option, "0")
