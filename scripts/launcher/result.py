@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,13 +21,14 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float) -> str:
     took = "no goal" if mean is None else f"steps on average, {mean * dt_s:.1f} s of play"
     cost_text = "no goal" if cost is None else "steps of all episodes, for each goal"
     recorded = summary["messages_recorded"]
-    rows = [
+    rows: list[tuple[str, Any, str]] = [
         ("goals", goals, ""),
         ("own goals", summary["own_goals"], ""),
         ("timeouts", summary["timeouts"], "episodes that ended without a goal"),
         ("a goal took", _number(mean), took),
         ("a goal cost", _number(cost), cost_text),
         ("collisions", summary["collisions_begun"], f"with a wall, {summary['collision_steps']} steps in contact"),
+        *_guided(run / "episodes.csv"),
         ("played", summary["steps"], f"steps{_pace(summary, dt_s)}"),
         ("digest", summary["digest"][:8], "of every step; the same match in lockstep has the same"),
         ("recording", recorded or "none", f"{'messages in ' if recorded else ''}{run}"),
@@ -52,6 +54,16 @@ def _pace(summary: Mapping[str, Any], dt_s: float) -> str:
         return ""
     rate = summary["steps_per_s"]
     return f" in {summary['wall_s']:.1f} s: {rate:.0f} steps/s, {rate * dt_s:.3g} times real time"
+
+
+def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
+    """The row of the guided episodes; none where there were none."""
+    try:
+        with episodes.open(newline="") as file:
+            count = sum(row["phase"] == "guided" for row in csv.DictReader(file))
+    except (OSError, KeyError):
+        return []
+    return [("guided", count, "episodes first, which only the two lines below count")] if count else []
 
 
 def next_steps(summary: Mapping[str, Any], run: Path, same: str = "") -> str:

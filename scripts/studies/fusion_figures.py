@@ -38,6 +38,7 @@ COLOURS = {
     "subsumption, paper": VERMILLION,
     "subsumption, re-tuned": GREEN,
     "fbql, paper's guide": BLACK,
+    "fbql, paper's guide, only guided": GREY,
     "fbql literal, ties: none": PURPLE,
     "scripted law, sees all": GREY,
 }

@@ -127,7 +127,9 @@ def add_max_steps(parser: argparse.ArgumentParser) -> None:
     )
 
 
-DRAWN = (PAPER, RETUNED, "fbql literal, ties: none", *LEARNERS, papers_guide(LEARNERS[0]))
+DRAWN = (
+    PAPER, RETUNED, "fbql literal, ties: none", *LEARNERS, papers_guide(LEARNERS[0]), guided(papers_guide(LEARNERS[0])),
+)  # fmt: skip
 """The methods of the figures."""
 
 
