@@ -16,6 +16,7 @@ from fbql_sim.core.world_loop import WorldLoop
 from studies import fusion_controls, fusion_words
 from studies.comparison import Runs, method_row, runs_by_method
 from studies.fusion_controls import PAPER, RETUNED, TUNED, control_tasks, controls_played
+from studies.paper import LEARNERS, after_guidance, guided, untrained
 from studies.study import Parameters, Result, Row, Task
 from studies.training import SENSED_CRITIC, Seeds, check_options, frozen, train, training_of
 from studies.training import add_options as add_training_options
@@ -27,8 +28,11 @@ COLUMNS = fusion_words.COLUMNS
 words = fusion_words.ablation_tables
 SEEDS = Seeds(1101, 3000)
 """Others than the ladder's, so that a default chosen here is judged there by what it has not seen."""
-DEFAULT, UNTRAINED = "fbql", "fbql, never learned"
-CONTROLS = {"default": DEFAULT, "retuned": RETUNED, "tuned": TUNED, "paper": PAPER, "untrained": UNTRAINED}
+DEFAULT = LEARNERS[0]
+UNTRAINED, GUIDED = untrained(DEFAULT), guided(DEFAULT)
+CONTROLS = {
+    "default": DEFAULT, "retuned": RETUNED, "tuned": TUNED, "paper": PAPER, "untrained": UNTRAINED, "guided": GUIDED,
+}  # fmt: skip
 FOREVER = 10_000_000
 
 Changes = Mapping[str, Any]
@@ -116,7 +120,7 @@ def tasks(options: argparse.Namespace) -> list[Task]:
 
 
 def run(parameters: Parameters) -> Result:
-    """Trains one variant and plays it; the default also as it is played otherwise, and never learned."""
+    """Trains one variant and plays it; the default also as it is played otherwise, and its frozen twins."""
     tree_set, part = parameters["set"], parameters["part"]
     behaviors = SEEDS.behaviors(tree_set)
     loop = WorldLoop(SimulationParameters(max_steps=parameters["max_steps"]))
@@ -133,6 +137,7 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop,
     played = {name: (fusion, trained.policy)}
     if name == DEFAULT:
         played[UNTRAINED] = (fusion, None)
+        played[GUIDED] = (fusion, after_guidance(fusion, behaviors, loop))
         for variant, changed in played_variants().items():
             played[variant] = (training_of(run_seed, episodes, **changed), trained.policy)
     judge = SEEDS.judging(tree_set, seed)
@@ -166,7 +171,7 @@ def as_set(changes: Changes) -> str:
 
 
 def _runs(results: Mapping[str, Result]) -> dict[str, Runs]:
-    methods = (*fusion_controls.METHODS, UNTRAINED, DEFAULT, *played_variants(), *trained_variants())
+    methods = (*fusion_controls.METHODS, UNTRAINED, GUIDED, DEFAULT, *played_variants(), *trained_variants())
     return runs_by_method((run for result in results.values() for run in result["runs"]), methods)
 
 
