@@ -149,14 +149,14 @@ def coverage_figure(numbers: Mapping[str, Any]) -> Figure:
         colour = COLOURS.get(name, SERIES[place])
         axis.plot(found["episodes"], estimate, color=colour, label=name)
         axis.fill_between(found["episodes"], low, high, color=colour, alpha=0.2, lw=0)
-        least, most = found["leaf_product"]
-        axis.axhspan(least, most * 1.02, color=colour, alpha=0.3, lw=0)
+    least, most = zip(*(found["leaf_product"] for found in numbers.values()), strict=True)
+    axis.axhspan(min(least), max(most), color=GREY, alpha=0.3, lw=0, label="product of the leaves")
     axis.set_xlim(left=0)
     axis.set_ylim(bottom=0)
     axis.set_xlabel("training episodes")
-    axis.set_title("joint states met; above: the product of the leaves", fontsize=9)
+    axis.set_title("joint states met, of as many as the leaves could make", fontsize=9)
     axis.grid(lw=0.4)
-    axis.legend(frameon=False, loc="center right", bbox_to_anchor=(1.0, 0.5))
+    axis.legend(frameon=False, loc="center right")
     return figure
 
 
