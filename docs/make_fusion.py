@@ -27,7 +27,7 @@ DATA = HERE / "data"
 IMAGES = HERE / "images"
 PLACE = re.compile(r"(<!-- (table|figure): (\w+): ([^:>]*?)(?:: ([^>]*?))? -->\n).*?(<!-- end -->)", re.DOTALL)
 STUDIES = ("paper", "ladder", "ablation", "peers", "scaling")
-KEPT = ("table", "options", "git_revision", "tasks", "done", "failed")
+KEPT = ("table", "columns", "options", "git_revision", "tasks", "done", "failed")
 
 
 def take(directory: Path) -> None:

@@ -100,18 +100,16 @@ def _run(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrup
     done = len(tasks) - len(waiting)
     if done:
         print(f"{done} of {len(tasks)} tasks are done already", file=sys.stderr)
-    if waiting:
-        if done and not store.revisions():
-            store.add_revision("unknown")
-        store.add_revision(git_revision(ROOT))
-        if len(store.revisions()) > 1:
-            print(
-                "note: they were done by another revision of the project; a new directory does all anew",
-                file=sys.stderr,
-            )
+    revision = git_revision(ROOT)
+    if done and not store.revisions():
+        store.add_revision("unknown")
+    if done and waiting and store.revisions() != [revision]:
+        print("note: by another revision of the project; a new directory does all of them anew", file=sys.stderr)
     begun_s = monotonic()
     for count, ended in enumerate(_ended(options, store, waiting, interrupts), start=1):
         left_s = (monotonic() - begun_s) / count * (len(waiting) - count)
+        if not ended.failure:
+            store.add_revision(revision)
         state = f"FAILED: {ended.failure}" if ended.failure else "done"
         print(
             f"[{done + count}/{len(tasks)}] {ended.key} {state}, about {left_s:.0f} s left", file=sys.stderr, flush=True

@@ -65,7 +65,7 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
             Keys() as keys,
         ):
             if domain is not None:
-                stage.look_for_twins(interrupts)
+                stage.refuse_twins(interrupts)
             say(f"replaying {run.path} in ROS_DOMAIN_ID={domain_id}: {len(topics)} topics, {window.words}")
             if keys.are_read:
                 say("space: pause, go on; s: a step; q: quit")
@@ -170,11 +170,11 @@ class Stage:
         self._outlets[message.topic].publish(message.data)
         self._views.show(message.topic, message.data)
 
-    def look_for_twins(self, interrupts: Interrupts) -> None:
+    def refuse_twins(self, interrupts: Interrupts) -> None:
         """Raises BadInput where somebody who publishes one of the topics in this domain is found within `_TWIN_S`."""
         deadline = monotonic() + _TWIN_S
         while monotonic() < deadline and not interrupts.came:
-            self._refuse_twins()
+            self._refuse_twin()
             sleep(_LOOK_S)
 
     def wait_for_subscribers(self, patience_s: float, interrupts: Interrupts, may_have_twins: bool) -> None:
@@ -185,14 +185,14 @@ class Stage:
         deadline = monotonic() + patience_s
         while monotonic() < deadline and not interrupts.came:
             if may_have_twins:
-                self._refuse_twins()
+                self._refuse_twin()
             clock = [] if self._clock is None else [self._clock]
             publishers = [*clock, *(outlet.publisher for outlet in self._outlets.values())]
             if all(publisher.get_subscription_count() for publisher in publishers):
                 return
             sleep(_LOOK_S)
 
-    def _refuse_twins(self) -> None:
+    def _refuse_twin(self) -> None:
         for name in self._outlets:
             if self._node.count_publishers(name) > 1:
                 raise BadInput(

@@ -63,7 +63,7 @@ def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
             count = sum(row["phase"] == "guided" for row in csv.DictReader(file))
     except (OSError, KeyError):
         return []
-    return [("guided", count, "episodes first, which only the two lines below count")] if count else []
+    return [("guided", count, "episodes first, which only the lines below count")] if count else []
 
 
 def next_steps(summary: Mapping[str, Any], run: Path, same: str = "") -> str:

@@ -6,6 +6,7 @@ import argparse
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from statistics import mean
 from typing import Any
 
 from fbql_behaviors.core.behavior import Behavior
@@ -151,14 +152,15 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop,
 def table(results: Mapping[str, Result]) -> list[Row]:
     """Method x what it reached frozen, paired with the default as well."""
     by_method = _runs(results)
-    features = {
-        result["runs"][0]["method"]: result["size"]["features"] for result in results.values() if "size" in result
-    }
+    features: dict[str, list[float]] = {}
+    for result in results.values():
+        if "size" in result:
+            features.setdefault(result["runs"][0]["method"], []).append(result["size"]["features"])
     changed = played_variants() | trained_variants()
     return [
         {
             **method_row(method, by_method, CONTROLS),
-            "features": features.get(method),
+            "features": mean(features[method]) if method in features else None,
             "changes": as_set(changed.get(method, {})),
         }
         for method in by_method
@@ -166,8 +168,8 @@ def table(results: Mapping[str, Result]) -> list[Row]:
 
 
 def as_set(changes: Changes) -> str:
-    """Changes as --set takes them."""
-    return " ".join(f"{name}={str(value).lower()}" for name, value in changes.items())
+    """Changes as the options of a command."""
+    return " ".join(f"--set {name}={str(value).lower()}" for name, value in changes.items())
 
 
 def _runs(results: Mapping[str, Result]) -> dict[str, Runs]:

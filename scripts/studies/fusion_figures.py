@@ -174,14 +174,14 @@ def intervals_figure(rows: Sequence[Mapping[str, Any]], name: str, label: str) -
 
 
 def _intervals(axis: Axes, found: Sequence[Sequence[float | None]]) -> None:
-    """Estimates with their low and high ends, one below the other. An interval without a high end is an arrow."""
+    """Estimates with their low and high ends, one below the other. An interval without a high end is an arrow; an estimate
+    without a low one has no interval."""  # fmt: skip
     edge = 2.0 * max((x for each in found for x in each if x is not None), default=1.0)
     for place, (estimate, low, high) in enumerate(found):
         if estimate is not None:
-            axis.plot(
-                [estimate if low is None else low, edge if high is None else high], [place, place], color=BLUE, lw=2
-            )
             axis.plot(estimate, place, "o", color=BLUE, ms=4)
+        if low is not None:
+            axis.plot([low, edge if high is None else high], [place, place], color=BLUE, lw=2)
             if high is None:
                 axis.plot(edge, place, ">", color=BLUE, ms=6)
     axis.grid(axis="x", lw=0.4)

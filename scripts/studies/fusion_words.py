@@ -22,7 +22,7 @@ _COMPARED = {
     "either has no goal, or is not compared",
     "ratio_{}_low": "the lower end of ratio_{}'s 95 % interval",
     "ratio_{}_high": "its upper end; null where it is infinite",
-    "p_{}": "p of the sign-flip test, paired by run, that both cost the same; null with fewer than two runs",
+    "p_{}": "p of the sign-flip test, paired by run, that both cost the same; null with fewer than two runs, or where nothing is compared",
 }
 COLUMNS = {
     "method": "what played",
@@ -35,7 +35,7 @@ COLUMNS = {
     "cost_per_goal": "steps of all episodes / goals; null without a goal",
     "cost_low": "the lower end of its 95 % interval, a bootstrap over tree sets and their runs; null with one run",
     "cost_high": "the upper end; null where it is infinite, or with one run",
-    "steps_per_success": "steps of the episodes that ended in a goal / goals",
+    "steps_per_success": "steps of the episodes that ended in a goal / goals; null where they were not counted apart",
     "collisions_begun_per_goal": "how often the robot began to touch a wall / goals",
     "collision_steps_per_goal": "steps in which it touched one / goals",
     **{
@@ -43,7 +43,7 @@ COLUMNS = {
         for name, what in _CONTROLS.items()
         for form, words in _COMPARED.items()
     },
-    "changes": "what is changed of fbql's defaults, as --set takes it",
+    "changes": "what is changed of fbql's defaults, as options of a command",
     "joint_states": "joint states met, mean over runs",
     "tied_share": "share of them in which all Q were equal in the end",
     "features": "features met, mean over trainings",
@@ -52,7 +52,7 @@ COLUMNS = {
     "rung": "rung of the ladder, and whose",
     "measure": "what is asked of it",
     "bound": "whether `wanted` is the most or the least",
-    "wanted": "what was set beforehand",
+    "wanted": "what was set beforehand; of collisions, the control's",
     "found": "what was found",
     "reached": "whether that is enough",
     "learner": "the method that was trained",
@@ -66,7 +66,7 @@ COLUMNS = {
     "worst_run": "the same of the worst of the trainings on these trees",
     "own_goal_rate": "own goals / episodes",
     "trainings": "trainings that the means are over",
-    "training_steps": "simulated steps of a training, mean",
+    "training_steps": "simulated steps of a training, mean; without guided episodes in the ladder, with them among the peers",
     "training_s": "seconds of a training, mean",
     "training_seconds": "seconds of a training, mean",
     "behaviors": "how many behaviors are fused",
@@ -135,9 +135,13 @@ def ablation_tables(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table of the ablation."""
     controls = {"default": "default", "retuned": "re-tuned", "paper": "paper", "untrained": "never learned",
                 "guided": "only guided"}  # fmt: skip
-    told = {"one change each": _methods(rows, controls)}
+    return {"one change each": _methods(rows, controls), **changes_told(rows)}
+
+
+def changes_told(rows: Sequence[Row]) -> dict[str, Table]:
+    """Title -> table of what rows change; none where the data do not say it."""
     changed = [[row["method"], f"`{row['changes']}`"] for row in rows if row.get("changes")]
-    return told | ({"what is changed": Table(["row", "`--set`"], changed)} if changed else {})
+    return {"what is changed": Table(["method", "changes"], changed)} if changed else {}
 
 
 def scaling_tables(rows: Sequence[Row]) -> dict[str, Table]:

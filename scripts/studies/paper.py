@@ -38,7 +38,8 @@ DESCRIPTION = "the paper's protocol: 20 guided episodes, then until 50 goals, al
 COLUMNS = fusion_words.COLUMNS
 words = fusion_words.paper_tables
 FIRST_TREE_SEED = 1001
-"""Demonstration seed of the first tree set: no tuning saw it or those after it."""
+"""Demonstration seed of the first tree set: no tuning saw it, or those after it up to MOST_TREE_SETS."""
+MOST_TREE_SETS = 100
 FIRST_RUN_SEED = 1000
 """Run seeds below it are for tuning."""
 RUNS_PER_TASK = 4
@@ -135,7 +136,7 @@ DRAWN = (
 
 def tasks(options: argparse.Namespace) -> list[Task]:
     """For each tree set one of the Subsumption that is tuned for it, and one of all others for every RUNS_PER_TASK seeds."""
-    check_counts(options, seeds=MOST_SEEDS, trees=MOST_SEEDS, goals=MOST_EPISODES, max_steps=MOST_PLAYED)
+    check_counts(options, seeds=MOST_SEEDS, trees=MOST_TREE_SETS, goals=MOST_EPISODES, max_steps=MOST_PLAYED)
     given = {"goals": options.goals, "max_steps": options.max_steps}
     seeds = range(FIRST_RUN_SEED, FIRST_RUN_SEED + options.seeds)
     trees = range(FIRST_TREE_SEED, FIRST_TREE_SEED + options.trees)

@@ -40,7 +40,7 @@ class Store:
     def __init__(self, directory: Path, config: dict[str, Any]) -> None:
         self.directory = directory
         try:
-            others = {path.name for path in directory.iterdir()} - _MADE_FIRST if directory.exists() else set[str]()
+            others = _others_in(directory)
             if others and "config.json" not in others:
                 raise BadInput(f"{directory}: no study's directory, but {min(others)} is in it; choose a new one")
             (directory / "tasks").mkdir(parents=True, exist_ok=True)
@@ -68,7 +68,7 @@ class Store:
             found = path.read_text()
         except (OSError, ValueError) as error:
             raise BadInput(f"{path}: can't be used ({error}); choose another directory") from None
-        if found != text:
+        if _parsed(found) != json.loads(text):
             raise BadInput(f"{self.directory}: holds {_difference(found, config)}; choose another directory")
 
     def __enter__(self) -> Store:
@@ -90,11 +90,10 @@ class Store:
     def revisions(self) -> list[str]:
         """The revisions of the project that did the tasks, in order."""
         try:
-            return json.loads((self.directory / "revisions.json").read_bytes())
+            found = _parsed((self.directory / "revisions.json").read_text(errors="replace"))
         except OSError:
             return []
-        except ValueError:
-            return ["unknown"]
+        return [str(each) for each in found] if isinstance(found, list) else ["unknown"]
 
     def add_revision(self, revision: str) -> None:
         """Takes note of the revision that does the tasks from now on."""
@@ -111,17 +110,31 @@ class Store:
             return ""
 
 
+def _others_in(directory: Path) -> set[str]:
+    """Names in a directory of what a study that was ended at any time could not have left there without a config.json."""
+    names = {path.name for path in directory.iterdir()} if directory.exists() else set[str]()
+    return {name for name in names if name not in _MADE_FIRST and not name.startswith(".config.json.")}
+
+
+def _parsed(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return None
+
+
 def _difference(text: str, asked: dict[str, Any]) -> str:
     """How the study that config.json tells of differs from the one that is asked for."""
     try:
-        found = json.loads(text)
+        found = _parsed(text)
         if found["study"] != asked["study"]:
             return f"the study {found['study']}, not {asked['study']}"
         own, others = found["options"], asked["options"]
         differ = [name for name in others if name not in own or own[name] != others[name]]
         name = (differ or sorted(own.keys() - others.keys()))[0]
         option = f"--{name.replace('_', '-')}"
-        return f"this study with {option} {own.get(name)}, not {others.get(name)}"
+        kept, wanted = (f"{option} {each[name]}" if name in each else f"no {option}" for each in (own, others))
+        return f"this study with {kept}, not {wanted}"
     except (ValueError, KeyError, TypeError, AttributeError, IndexError):
         return "a config.json that is no study's"
 

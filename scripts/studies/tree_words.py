@@ -43,7 +43,7 @@ COLUMNS = {
     "rmse_high": "the largest",
     "rmse_rad_s": "the median in rad/s",
     "rmse_training": "the same error on the demonstrations that the tree was made of [levels], median",
-    "rmse_to_cart": "rmse_levels over that of CART by squared error with as many leaves, median over the seeds",
+    "rmse_to_cart": "rmse_levels over that of CART by squared error with as many leaves as the exact tree of the weighted objective, median",
     "rmse_to_cart_by_entropy": "the same to CART by entropy",
     "value_to_dp": "the objective's value of the tree over the optimum's, median; null where it has none",
     "belief_to_dp": "what the learner believes its value to be, over the optimum's, median; null where it has none",
@@ -60,7 +60,8 @@ COLUMNS = {
     "timeouts": "timeouts / episodes",
     "collisions_begun": "how often the robot began to touch a wall / episodes",
     "collision_steps": "steps in which it touched one / episodes",
-    "cost_to_shipped": "cost_per_goal over that of the trees that ship, made alike, paired by seed",
+    "cost_to_shipped": "mean of each seed's steps / goals over the mean of those of the trees that ship, made alike; null where a seed has no "
+    "goal",
     "ratio_low": "the lower end of its 95 % interval",
     "ratio_high": "the upper end",
     "p": "p of the sign-flip test, paired by seed, that both cost the same",
@@ -119,7 +120,7 @@ def _trees(rows: Sequence[Row]) -> Table:
     return Table(head, body)
 
 
-def _equal_leaves(rows: Sequence[Row]) -> str:
+def _equal_leaves(rows: Sequence[Row]) -> Table:
     limit = 1.0 + TOLERANCE
     head = ["behavior", "CART by squared error", "CART by entropy", f"at most {limit:.2f}"]
     body = [
@@ -134,7 +135,7 @@ def _equal_leaves(rows: Sequence[Row]) -> str:
     return Table(head, body)
 
 
-def _costs(rows: Sequence[Row]) -> str:
+def _costs(rows: Sequence[Row]) -> Table:
     of = {(row["behavior"], row["sized_by"], row["limit"]): row for row in rows}
     columns = [(behavior, objective) for behavior in RECIPES for objective in OBJECTIVES]
     head = ["cost [nat]", *(f"{spoken(behavior)}, {objective}" for behavior, objective in columns)]
@@ -185,7 +186,7 @@ def _play(rows: Sequence[Row]) -> Table:
     return Table(head, body)
 
 
-def _bands(rows: Sequence[Row]) -> str:
+def _bands(rows: Sequence[Row]) -> Table:
     by_name = {(row["objective"], row["behavior"]): row for row in rows}
     chosen = [by_name[key] for name in OBJECTIVES for behavior in RECIPES if (key := (name, behavior)) in by_name]
     head = ["objective", "behavior", "leaves", "band", "inside"]

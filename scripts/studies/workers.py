@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import logging
 import os
 import signal
 import sys
@@ -112,9 +113,10 @@ def run_on_cluster(
         BadInput: Dask is not installed, or the scheduler does not answer.
     """
     try:
-        from distributed import Client, Future, wait  # an optional extra
+        from distributed import CancelledError, Client, Future, wait  # an optional extra
     except ModuleNotFoundError:
         raise BadInput("--scheduler needs Dask: pip install -r requirements-study.txt") from None
+    logging.disable(logging.ERROR)  # Dask logs tracebacks of what is told here in one line
     try:
         client = Client(scheduler, timeout=_CONNECT_S)
     except (OSError, ValueError) as error:
@@ -129,21 +131,22 @@ def run_on_cluster(
         }
         while waiting and not stopped():
             try:
-                done = wait(list(waiting), timeout=_POLL_S, return_when="FIRST_COMPLETED").done
+                ended = wait(list(waiting), timeout=_POLL_S, return_when="FIRST_COMPLETED").done
+                done = {future: future.result() for future in ended if future.status == "finished"}
+                failed = {future: worded(future.exception()) for future in ended if future.status == "error"}
             except TimeoutError:
                 continue
-            for future in done:
-                status = future.status
-                if status in ("pending", "lost"):
-                    continue  # it was done, and its result went with a worker that died: it is computed anew
+            except (CancelledError, OSError):
+                raise BadInput(f"--scheduler {scheduler}: it ended; the same command goes on from here") from None
+            # One that is neither was done, and its result went with a worker that died: it is computed anew.
+            for future, result in done.items():
                 key = waiting.pop(future).key
-                if status == "finished":
-                    write_result(store.directory, key, future.result())
-                    yield Ended(key, "")
-                else:
-                    reason = worded(future.exception()) if status == "error" else f"the cluster says: {status}"
-                    write_failure(store.directory, key, reason)
-                    yield Ended(key, store.failure_of(key))
+                write_result(store.directory, key, result)
+                yield Ended(key, "")
+            for future, reason in failed.items():
+                key = waiting.pop(future).key
+                write_failure(store.directory, key, reason)
+                yield Ended(key, store.failure_of(key))
         client.cancel(list(waiting))
 
 

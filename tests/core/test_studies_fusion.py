@@ -23,7 +23,7 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from launcher.experiment import main
 from launcher.make_trees import SHIPPED
-from studies import ablation, fusion_controls, ladder, paper, scaling, tuning
+from studies import ablation, fusion_controls, fusion_words, ladder, paper, scaling, tuning
 from studies.comparison import cost_ratio, method_row, runs_by_method
 from studies.constant_blend import BLEND_ROUNDS, best_blend, blend_played
 from studies.learning_curves import growth, learning
@@ -443,6 +443,31 @@ def kept(directory: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("option", ["--trees", "--seeds", "--goals", "--max-steps"])
-def test_the_papers_protocol_refuses_numbers_below_1(option: str) -> None:
-    with pytest.raises(BadInput, match=f"{option} is 0; it must be 1 to "):
-        tasks(paper, *SMALL, option, "0")
+def test_the_papers_protocol_refuses_numbers_below_1_and_beyond_reason(option: str) -> None:
+    for number in ("0", "99999999"):
+        with pytest.raises(BadInput, match=f"{option} is {number}; it must be 1 to "):
+            tasks(paper, *SMALL, option, number)
+
+
+def test_the_papers_tree_sets_end_before_those_that_defaults_were_chosen_on() -> None:
+    assert min(study.SEEDS.first_tree for study in (ablation, scaling)) >= paper.FIRST_TREE_SEED + paper.MOST_TREE_SETS
+
+
+def test_changes_are_told_as_options_that_the_command_takes() -> None:
+    changes = ablation.trained_variants()["leaves and pairs of leaves only"] | {"fbql_mirror": False, "preset": "paper"}
+    words = ablation.as_set(changes)
+    assert words == "--set fbql_pair_tilings=0 --set fbql_joint_tilings=0 --set fbql_mirror=false --set preset=paper"
+    rows = [{"method": "no mirror", "changes": words}, {"method": "fbql", "changes": ""}]
+    assert fusion_words.changes_told(rows) == {
+        "what is changed": (["method", "changes"], [["no mirror", f"`{words}`"]])
+    }
+
+
+def test_a_single_run_is_drawn_without_an_interval_and_an_endless_one_as_an_arrow() -> None:
+    from studies.fusion_figures import intervals_figure
+
+    def lines(low: float | None, high: float | None) -> int:
+        (axis,) = intervals_figure([{"method": "a", "r": 0.6, "r_low": low, "r_high": high}], "r", "x").axes
+        return sum(1 for line in axis.lines if line.get_ydata()[0] == 0 and line.get_xdata()[0] != 1.0)
+
+    assert [lines(None, None), lines(0.5, 0.7), lines(0.5, None)] == [1, 2, 3]

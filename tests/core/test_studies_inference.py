@@ -58,6 +58,11 @@ def test_clustered_ratio_is_the_ratio_of_sums_and_of_equal_runs_has_no_width():
     assert twice == (2.0, 2.0, 2.0)
 
 
+def test_one_run_alone_has_no_interval():
+    estimate, low, high = clustered_ratio(Sums([300.0], [3.0]), [1])
+    assert estimate == 100.0 and np.isnan(low) and np.isnan(high)
+
+
 def test_runs_of_few_clusters_say_less_than_as_many_independent_ones():
     values = [1.0, 1.1, 0.9, 1.0, 2.0, 2.1, 1.9, 2.0, 3.0, 3.1, 2.9, 3.0]
     ones = [1.0] * len(values)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -172,9 +174,9 @@ def test_a_second_run_into_a_directory_is_refused_while_the_first_goes_on(
 @pytest.mark.parametrize(
     ("config", "says"),
     [
-        ({"options": {"seeds": 1}}, "holds this study with --seeds 1, not 2;"),
+        ({"options": {"seeds": 1}}, "holds this study with --seeds 1, not --seeds 2;"),
         ({"study": "trees"}, "holds the study trees, not probe;"),
-        ({"options": {"seeds": 2, "max_steps": 7}}, "holds this study with --max-steps 7, not None;"),
+        ({"options": {"seeds": 2, "max_steps": 7}}, "holds this study with --max-steps 7, not no --max-steps;"),
         ([], "holds a config.json that is no study's;"),
     ],
 )
@@ -192,6 +194,15 @@ def test_a_directory_of_another_study_or_other_options_is_refused(
     assert says in captured.err
     assert captured.err.count("\n") == 1
     assert captured.out == ""
+
+
+def test_what_a_stopped_study_leaves_and_another_layout_of_the_options_are_no_other_study(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / ".config.json.123.tmp").touch()
+    assert main(arguments(tmp_path, "--seeds", "1")) == 0
+    path = tmp_path / "out" / "config.json"
+    path.write_text(json.dumps(json.loads(path.read_text())))
+    assert main(arguments(tmp_path, "--seeds", "1")) == 0
 
 
 def test_a_directory_with_other_files_is_refused_and_left_as_it_is(
@@ -239,17 +250,23 @@ def test_the_revisions_that_did_the_tasks_are_told_and_not_the_one_that_tells(
         captured = capsys.readouterr()
         return json.loads(captured.out)["git_revision"], captured.err
 
+    assert told("none", "--seeds", "0", "--others", "raise") == (
+        "unknown",
+        "[1/1] raise FAILED: ValueError: this task always fails, about 0 s left\n",
+    )
+    shutil.rmtree(tmp_path / "out")
     assert told("one", "--others", "raise")[0] == "one"
     revision, said = told("two", "--others", "raise")
-    assert revision == "one, two"
-    assert "they were done by another revision of the project" in said
-    (tmp_path / "out" / "tasks" / "raise.json").write_text('{"value": 1.0}')
-    revision, said = told("three", "--others", "raise")
-    assert revision == "one, two", "it did nothing"
-    assert "revision" not in said
+    assert revision == "one", "it did nothing that lasts"
+    assert "note: by another revision of the project" in said
+    (tmp_path / "out" / "tasks" / "draw0.json").unlink()
+    assert told("two", "--others", "raise")[0] == "one, two"
+    (tmp_path / "out" / "tasks" / "draw0.json").unlink()
     (tmp_path / "out" / "revisions.json").unlink()
-    (tmp_path / "out" / "tasks" / "raise.json").unlink()
     assert told("four", "--others", "raise")[0] == "unknown, four"
+    (tmp_path / "out" / "tasks" / "draw0.json").unlink()
+    (tmp_path / "out" / "revisions.json").write_text("3")
+    assert told("five", "--others", "raise")[0] == "unknown, five"
 
 
 def test_a_torn_result_counts_as_not_done(tmp_path: Path) -> None:
@@ -305,6 +322,13 @@ def test_a_table_that_is_too_wide_goes_on_below() -> None:
     assert as_text(table, 1).splitlines()[:3] == ["name  first", "a         1", "bcd       4"], (
         "one column beside the first"
     )
+    signed = Table(["what", "difference", "note"], [["a", "-1", "n/a"], ["b", "", "-0.5"], ["c", "+2", "**no**"]])
+    assert as_text(signed, 80).splitlines() == [
+        "what  difference  note",
+        "a             -1  n/a",
+        "b                 -0.5",
+        "c             +2  no",
+    ]
     assert as_markdown(table).splitlines()[:3] == [
         "| name | first | second | third |",
         "| --- | --- | --- | --- |",
@@ -312,14 +336,11 @@ def test_a_table_that_is_too_wide_goes_on_below() -> None:
     ]
 
 
-@pytest.mark.long
-def test_a_cluster_gives_the_results_of_the_local_workers_and_a_killed_worker_costs_one_retry(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("distributed", reason="Dask is in requirements-study.txt")
+@contextmanager
+def cluster(place: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """The address of a Dask scheduler, and the processes: its own and two workers."""
     path = os.pathsep.join(entry for entry in sys.path if entry)
-    dask = [sys.executable, "-m", "distributed.cli.dask_"]
-    file = str(tmp_path / "scheduler.json")
+    file = str(place / "scheduler.json")
     commands = [
         ["scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", file],
         *[["worker", "--scheduler-file", file, "--nthreads", "1", "--no-dashboard", "--no-nanny"]] * 2,
@@ -327,25 +348,33 @@ def test_a_cluster_gives_the_results_of_the_local_workers_and_a_killed_worker_co
     processes: list[subprocess.Popen[bytes]] = []
     try:
         for number, (program, *options) in enumerate(commands):
-            with (tmp_path / f"log{number}").open("wb") as log:
+            with (place / f"log{number}").open("wb") as log:
                 processes.append(
                     subprocess.Popen(
-                        [*dask[:-1], f"{dask[-1]}{program}", *options],
+                        [sys.executable, "-m", f"distributed.cli.dask_{program}", *options],
                         env={**os.environ, "PYTHONPATH": path},
-                        cwd=tmp_path,
+                        cwd=place,
                         stdout=log,
                         stderr=subprocess.STDOUT,
                     )
                 )
             probe_study.wait_for(Path(file))
-        address = json.loads(Path(file).read_text())["address"]
-        assert main(arguments(tmp_path, "--others", "raise", "kill_once", "--scheduler", address, out="cluster")) == 1
-        summary = json.loads(capsys.readouterr().out)
+        yield json.loads(Path(file).read_text())["address"], processes
     finally:
         for process in processes:
             process.kill()  # a worker that is asked to end may wait for a scheduler that ends as well
         for process in processes:
             process.wait(timeout=30)
+
+
+@pytest.mark.long
+def test_a_cluster_gives_the_results_of_the_local_workers_and_a_killed_worker_costs_one_retry(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("distributed", reason="Dask is in requirements-study.txt")
+    with cluster(tmp_path) as (address, processes):
+        assert main(arguments(tmp_path, "--others", "raise", "kill_once", "--scheduler", address, out="cluster")) == 1
+        summary = json.loads(capsys.readouterr().out)
     assert probe_study.attempts(tmp_path).count("kill_once") == 2
     assert main(arguments(tmp_path, "--others", "raise", "kill_once", out="local")) == 1
     assert results_in(tmp_path / "cluster") == results_in(tmp_path / "local")
@@ -354,3 +383,18 @@ def test_a_cluster_gives_the_results_of_the_local_workers_and_a_killed_worker_co
         json.loads(found.read_text())[MEASURED]["process"] for found in (tmp_path / "cluster" / "tasks").glob("*.json")
     }
     assert workers <= {process.pid for process in processes[1:]}
+
+
+@pytest.mark.long
+def test_a_cluster_that_ends_ends_the_study_in_one_line_and_it_goes_on_without(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="Dask is in requirements-study.txt")
+    with cluster(tmp_path) as (address, processes):
+        process = launched(tmp_path, "--seeds", "1", "--others", "wait", "--scheduler", address)
+        probe_study.wait_for(tmp_path / "waits")
+        processes[0].kill()
+        _, said = process.communicate(timeout=120)
+    assert process.returncode == 2, said
+    assert f"--scheduler {address}: it ended; the same command goes on from here" in said
+    assert "Traceback" not in said
+    (tmp_path / "gate").touch()
+    assert main(arguments(tmp_path, "--seeds", "1", "--others", "wait")) == 0
