@@ -63,7 +63,15 @@ def test_a_study_is_taken_without_the_places_of_the_machine_that_it_ran_on(
     monkeypatch.setitem(functions, "DATA", tmp_path / "data")
     (tmp_path / "data").mkdir()
     (tmp_path / "config.json").write_text('{"study": "ladder", "options": {}}')
-    kept = {"table": [], "columns": {}, "options": {"trees": 5}, "git_revision": "1" * 40, "tasks": 3, "done": 3, "failed": {}}
+    kept = {
+        "table": [],
+        "columns": {},
+        "options": {"trees": 5},
+        "git_revision": "1" * 40,
+        "tasks": 3,
+        "done": 3,
+        "failed": {},
+    }
     (tmp_path / "table.json").write_text(json.dumps({**kept, "out": str(tmp_path)}))
     (tmp_path / "curves.json").write_text("{}")
     functions["take"](tmp_path)
