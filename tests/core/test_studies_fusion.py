@@ -464,6 +464,7 @@ def test_changes_are_told_as_options_that_the_command_takes() -> None:
 
 
 def test_a_single_run_is_drawn_without_an_interval_and_an_endless_one_as_an_arrow() -> None:
+    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
     from studies.fusion_figures import intervals_figure
 
     def lines(low: float | None, high: float | None) -> int:

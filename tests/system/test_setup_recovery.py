@@ -91,7 +91,7 @@ def test_a_signal_ends_the_set_up_with_all_that_it_started(
     started = Started(checkout)
     started.wait_until_said(step)
     ended, said = started.end(number)
-    assert ended == code
+    assert ended == code, said
     assert "Traceback" not in said
     assert processes_in(checkout) == {}
 

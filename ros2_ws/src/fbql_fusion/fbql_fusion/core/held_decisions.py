@@ -162,9 +162,9 @@ class HeldDecisions(ABC):
         lengths = tuple([len(observed) for observed in situation.observed])
         if self._lengths is None:
             self._lengths = lengths
-        numbers = (*situation.observed, situation.told)
-        sound = lengths == self._lengths and all(isfinite(sum(each)) for each in numbers)
-        return sound and (not situation.told or max(map(abs, situation.told)) < FAR)
+        told = situation.told
+        sound = lengths == self._lengths and isfinite(sum(map(sum, situation.observed)) + sum(told))
+        return sound and (not told or (max(told) < FAR and min(told) > -FAR))
 
     def _known(self, situation: Situation) -> Sequence[int]:
         """The active features that were met before."""

@@ -23,10 +23,13 @@ def preferences(theta: Floats, active: Sequence[int]) -> list[float]:
         theta: [features, n].
         active: indices, at most F.
     """
-    known = len(theta)
-    if active and max(active) >= known:
-        active = [f for f in active if f < known]
-    return np.add.reduce(theta.take(active, axis=0), axis=0).tolist() if active else [0.0] * theta.shape[1]
+    if not active:
+        return [0.0] * theta.shape[1]
+    try:
+        own = theta.take(active, axis=0)
+    except IndexError:
+        own = theta[[f for f in active if f < len(theta)]]
+    return np.add.reduce(own, axis=0).tolist()
 
 
 def softmax(values: Sequence[float]) -> tuple[float, ...]:

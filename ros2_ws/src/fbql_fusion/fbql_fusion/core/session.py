@@ -32,6 +32,8 @@ from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters, check
 from fbql_fusion.core.policy import Policy
 
 _INF = float("inf")
+_NO_TREE = (-1, "")
+"""That of a behavior that did not answer yet."""
 
 
 @dataclass
@@ -279,8 +281,10 @@ class Session:
         leaves: list[int] = []
         for output, tree in zip(outputs, self._trees):  # noqa: B905 - decide compares their numbers
             if output is not None:
-                _, _, _, _, left, right, leaf_id, leaf_count, _, _, _ = output
-                if output[7:9] == tree and 0 <= leaf_id < leaf_count and -_INF < left < _INF and -_INF < right < _INF:
+                _, _, _, _, left, right, leaf_id, leaf_count, tree_hash, _, _ = output
+                count, known = tree or _NO_TREE
+                is_known = leaf_count == count and tree_hash == known
+                if is_known and 0 <= leaf_id < leaf_count and -_INF < left < _INF and -_INF < right < _INF:
                     leaves.append(leaf_id)
                     continue
             heard = [self._examined(i, output) for i, output in enumerate(outputs)]
