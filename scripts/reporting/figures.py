@@ -1,7 +1,7 @@
 """A run as figures in the manner of the paper's Figs. 10 to 14, PDF and SVG, with the numbers beside them as CSV.
 
 Each success (goal) of the run is a point: what it took since the one before; the lines are moving averages over
-`studies.courses.WINDOW` successes. Guided episodes are left out.
+`studies.courses.WINDOW` successes, from the first on that has so many. Guided episodes are left out.
 """
 
 from __future__ import annotations
@@ -76,6 +76,7 @@ def _figure(table: NDArray[Any], title: str, label: str, measures: Sequence[str]
     axes = figure.subplots()
     means = averaged(table)
     at = range(1, len(table) + 1)
+    at_means = range(WINDOW, WINDOW + len(means))
     for measure, (colour, dashes) in zip(measures, _LINES, strict=False):
         column = MEASURES.index(measure)
         each, mean = table[:, column], means[:, column]
@@ -83,7 +84,7 @@ def _figure(table: NDArray[Any], title: str, label: str, measures: Sequence[str]
             mean = 1.0 / mean
         else:
             axes.plot(at, each, "o" if dashes == "-" else "x", color=colour, ms=2.5, alpha=0.6)
-        axes.plot(at, mean, dashes, color=colour, label=_LABELS.get(measure))
+        axes.plot(at_means, mean, dashes, color=colour, label=_LABELS.get(measure))
     if not len(table):
         axes.text(0.5, 0.5, "n/a: no goal", transform=axes.transAxes, ha="center")
     axes.set_title(title.replace("$", r"\$"), fontsize=8)
@@ -97,12 +98,14 @@ def _figure(table: NDArray[Any], title: str, label: str, measures: Sequence[str]
 
 
 def _write_numbers(table: NDArray[Any], path: Path) -> Path:
-    """What the figures show: for each success its measures, and their moving averages."""
+    """What the figures show: for each success its measures, and their moving averages, empty where there are none yet."""
     names = [measure.replace(" ", "_") for measure in MEASURES[:-1]]
     head = ["success", *names, "episodes", *(f"mean_{name}" for name in names), "mean_success_rate"]
     with path.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(head)
-        for number, (row, mean) in enumerate(zip(table.tolist(), averaged(table).tolist(), strict=True), start=1):
-            writer.writerow([number, *(int(each) for each in row), *mean[:-1], 1.0 / mean[-1]])
+        none = [[""] * len(MEASURES)] * min(WINDOW - 1, len(table))
+        means = none + [[*mean[:-1], 1.0 / mean[-1]] for mean in averaged(table).tolist()]
+        for number, (row, mean) in enumerate(zip(table.tolist(), means, strict=True), start=1):
+            writer.writerow([number, *(int(each) for each in row), *mean])
     return path

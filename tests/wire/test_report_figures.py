@@ -82,14 +82,17 @@ def test_a_success_counts_what_it_took_since_the_one_before(tmp_path):
         episode(2, "own_goal", 20),
         episode(3, "goal", 30, begun=1),
         episode(4, "goal", 40, begun=2),
-        episode(5, None, 7),
+        *(episode(number, "goal", 50) for number in range(5, 9)),
+        episode(9, None, 7),
     ]
-    assert len(course_of(episodes)) == 4
+    assert len(course_of(episodes)) == 8
     write_figures(episodes, "a $title", tmp_path)
-    first, second = rows_of(tmp_path / "successes.csv")
+    first, second, _, _, fifth, sixth = rows_of(tmp_path / "successes.csv")
     assert (first["failures"], first["steps"], first["all_steps"], first["collisions_begun"]) == ("2", "30", "150", "1")
     assert (second["failures"], second["steps"], second["all_steps"], second["contact_steps"]) == ("0", "40", "40", "6")
-    assert (float(second["mean_failures"]), float(second["mean_success_rate"])) == (1.0, 0.5)
+    assert second["mean_failures"] == second["mean_success_rate"] == "", "no five successes yet"
+    assert (float(fifth["mean_failures"]), float(fifth["mean_success_rate"])) == (2 / 5, 5 / 7)
+    assert (float(sixth["mean_failures"]), float(sixth["mean_steps"])) == (0.0, 48.0)
 
 
 def test_without_a_goal_the_figures_say_so(tmp_path):
