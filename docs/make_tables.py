@@ -13,6 +13,7 @@ import json
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "scripts"))
@@ -30,11 +31,13 @@ def page(text: str) -> str:
     made = {
         (study, title): as_markdown(table)
         for study in STUDIES
-        for title, table in study_of(study)
-        .words(json.loads((HERE / "data" / f"{study}.json").read_text())["table"])
-        .items()
+        for title, table in study_of(study).words(_rows(study)).items()
     }
     return PLACE.sub(lambda place: f"{place[1]}{made[place[2], place[3]]}\n{place[4]}", text)
+
+
+def _rows(study: str) -> list[Any]:
+    return json.loads((HERE / "data" / f"{study}.json").read_text())["table"]
 
 
 if __name__ == "__main__":

@@ -100,10 +100,12 @@ def _run(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrup
     done = len(tasks) - len(waiting)
     if done:
         print(f"{done} of {len(tasks)} tasks are done already", file=sys.stderr)
+    if not waiting:
+        return
     revision = git_revision(ROOT)
     if done and not store.revisions():
         store.add_revision("unknown")
-    if done and waiting and store.revisions() != [revision]:
+    if done and store.revisions() != [revision]:
         print("note: by another revision of the project; a new directory does all of them anew", file=sys.stderr)
     begun_s = monotonic()
     for count, ended in enumerate(_ended(options, store, waiting, interrupts), start=1):

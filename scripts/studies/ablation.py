@@ -6,7 +6,6 @@ import argparse
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from statistics import mean
 from typing import Any
 
 from fbql_behaviors.core.behavior import Behavior
@@ -15,7 +14,7 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
 from studies import fusion_controls, fusion_words
-from studies.comparison import Runs, method_row, runs_by_method
+from studies.comparison import Runs, mean_of, method_row, runs_by_method
 from studies.fusion_controls import PAPER, RETUNED, TUNED, control_tasks, controls_played
 from studies.paper import LEARNERS, after_guidance, guided, untrained
 from studies.study import Parameters, Result, Row, Task
@@ -160,7 +159,7 @@ def table(results: Mapping[str, Result]) -> list[Row]:
     return [
         {
             **method_row(method, by_method, CONTROLS),
-            "features": mean(features[method]) if method in features else None,
+            "features": mean_of(features.get(method, [])),
             "changes": as_set(changed.get(method, {})),
         }
         for method in by_method

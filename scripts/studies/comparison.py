@@ -89,6 +89,11 @@ def method_row(method: str, by_method: Mapping[str, Runs], controls: Mapping[str
     return finite(row)
 
 
+def mean_of(values: Sequence[float]) -> float | None:
+    """The mean; None of nothing."""
+    return sum(values) / len(values) if values else None
+
+
 def filled(rows: Iterable[Row]) -> list[Row]:
     """The rows with the same columns each: None where a row has none."""
     kept = list(rows)

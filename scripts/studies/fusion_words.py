@@ -17,13 +17,20 @@ _CONTROLS = {
     "default": "fbql with its defaults, trained alike",
 }
 """Control, as columns name it -> what it is."""
-_COMPARED = {
-    "ratio_{}": "cost_per_goal over that of {}, paired by run on the same episodes; below 1 is better than it; null where "
-    "either has no goal, or is not compared",
-    "ratio_{}_low": "the lower end of ratio_{}'s 95 % interval",
-    "ratio_{}_high": "its upper end; null where it is infinite",
-    "p_{}": "p of the sign-flip test, paired by run, that both cost the same; null with fewer than two runs, or where nothing is compared",
-}
+
+
+def _compared_columns(name: str, control: str) -> dict[str, str]:
+    """The columns in which a method is compared with a control."""
+    return {
+        f"ratio_{name}": f"cost_per_goal over that of {control}, paired by run on the same episodes; below 1 is better "
+        "than it; null where either has no goal, or is not compared",
+        f"ratio_{name}_low": f"the lower end of ratio_{name}'s 95 % interval",
+        f"ratio_{name}_high": "its upper end; null where it is infinite",
+        f"p_{name}": "p of the sign-flip test, paired by run, that both cost the same; null with fewer than two runs, or "
+        "where nothing is compared",
+    }
+
+
 COLUMNS = {
     "method": "what played",
     "runs": "how many runs are put together, each on a tree set with a run seed",
@@ -38,11 +45,7 @@ COLUMNS = {
     "steps_per_success": "steps of the episodes that ended in a goal / goals; null where they were not counted apart",
     "collisions_begun_per_goal": "how often the robot began to touch a wall / goals",
     "collision_steps_per_goal": "steps in which it touched one / goals",
-    **{
-        form.format(name): words.format(what if form in ("ratio_{}", "p_{}") else name)
-        for name, what in _CONTROLS.items()
-        for form, words in _COMPARED.items()
-    },
+    **{column: words for each in _CONTROLS.items() for column, words in _compared_columns(*each).items()},
     "changes": "what is changed of fbql's defaults, as options of a command",
     "joint_states": "joint states met, mean over runs",
     "tied_share": "share of them in which all Q were equal in the end",

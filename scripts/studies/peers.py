@@ -20,7 +20,7 @@ from fbql_common.core.errors import BadInput
 from launcher.make_trees import make_tree
 
 from studies import fusion_words
-from studies.comparison import Runs, method_row, ratio, runs_by_method
+from studies.comparison import Runs, mean_of, method_row, ratio, runs_by_method
 from studies.inference import Resamples
 from studies.learning_curves import short
 from studies.paper import BEHAVIORS, FIRST_RUN_SEED, FIRST_TREE_SEED
@@ -140,8 +140,8 @@ def table(results: Mapping[str, Result]) -> list[Row]:
     rows = [
         {
             **method_row(method, runs, {"retuned": RETUNED, "paper": PAPER}),
-            "training_steps": _mean([each["training_steps"] for each in by_run.values()]),
-            "training_seconds": _mean(seconds.get(method, [])),
+            "training_steps": mean_of([each["training_steps"] for each in by_run.values()]),
+            "training_seconds": mean_of(seconds.get(method, [])),
             "note": ", ".join(sorted({each["played"] for each in by_run.values() if "played" in each})),
         }
         for method, by_run in runs.items()
@@ -158,10 +158,6 @@ def runs_of(results: Mapping[str, Result]) -> dict[str, Runs]:
     from peers.learners import LEARNERS
 
     return runs_by_method((run for result in results.values() for run in result["runs"]), (*METHODS, *LEARNERS))
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return sum(values) / len(values) if values else None
 
 
 def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:

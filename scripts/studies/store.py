@@ -60,15 +60,15 @@ class Store:
             raise BadInput(
                 f"{self.directory}: a study is running there now; wait for it or choose another directory"
             ) from None
-        text = json.dumps(config, indent=2, sort_keys=True) + "\n"
         path = self.directory / "config.json"
         try:
             if not path.exists():
-                write_atomically(path, text.encode())
-            found = path.read_text()
+                text = json.dumps(config, indent=2, sort_keys=True)
+                write_atomically(path, f"{text}\n".encode())
+            found = _parsed(path.read_text())
         except (OSError, ValueError) as error:
             raise BadInput(f"{path}: can't be used ({error}); choose another directory") from None
-        if _parsed(found) != json.loads(text):
+        if found != config:
             raise BadInput(f"{self.directory}: holds {_difference(found, config)}; choose another directory")
 
     def __enter__(self) -> Store:
@@ -117,16 +117,16 @@ def _others_in(directory: Path) -> set[str]:
 
 
 def _parsed(text: str) -> Any:
+    """What a text in JSON says; None where it is none."""
     try:
         return json.loads(text)
     except ValueError:
         return None
 
 
-def _difference(text: str, asked: dict[str, Any]) -> str:
-    """How the study that config.json tells of differs from the one that is asked for."""
+def _difference(found: Any, asked: dict[str, Any]) -> str:
+    """How the study that config.json holds differs from the one that is asked for."""
     try:
-        found = _parsed(text)
         if found["study"] != asked["study"]:
             return f"the study {found['study']}, not {asked['study']}"
         own, others = found["options"], asked["options"]
@@ -135,7 +135,7 @@ def _difference(text: str, asked: dict[str, Any]) -> str:
         option = f"--{name.replace('_', '-')}"
         kept, wanted = (f"{option} {each[name]}" if name in each else f"no {option}" for each in (own, others))
         return f"this study with {kept}, not {wanted}"
-    except (ValueError, KeyError, TypeError, AttributeError, IndexError):
+    except (KeyError, TypeError, AttributeError, IndexError):
         return "a config.json that is no study's"
 
 

@@ -9,7 +9,7 @@ import signal
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing import get_context
 from multiprocessing.connection import wait
@@ -116,12 +116,12 @@ def run_on_cluster(
         from distributed import CancelledError, Client, Future, wait  # an optional extra
     except ModuleNotFoundError:
         raise BadInput("--scheduler needs Dask: pip install -r requirements-study.txt") from None
-    logging.disable(logging.ERROR)  # Dask logs tracebacks of what is told here in one line
-    try:
-        client = Client(scheduler, timeout=_CONNECT_S)
-    except (OSError, ValueError) as error:
-        raise BadInput(f"--scheduler {scheduler}: {worded(error)}; is a Dask scheduler running there?") from None
-    with client:
+    with _without_logs():  # Dask logs tracebacks of what is told here in one line
+        try:
+            client = Client(scheduler, timeout=_CONNECT_S)
+        except (OSError, ValueError) as error:
+            raise BadInput(f"--scheduler {scheduler}: {worded(error)}; is a Dask scheduler running there?") from None
+    with _without_logs(), client:
         run = uuid4().hex  # two runs on one cluster must not mistake each other's results for their own
         waiting: dict[Future, Task] = {
             client.submit(
@@ -148,6 +148,17 @@ def run_on_cluster(
                 write_failure(store.directory, key, reason)
                 yield Ended(key, store.failure_of(key))
         client.cancel(list(waiting))
+
+
+@contextmanager
+def _without_logs() -> Iterator[None]:
+    """Nobody logs an error or less."""
+    before = logging.root.manager.disable
+    logging.disable(logging.ERROR)
+    try:
+        yield
+    finally:
+        logging.disable(before)
 
 
 def _remote(module: str, parameters: dict[str, Any]) -> Result:

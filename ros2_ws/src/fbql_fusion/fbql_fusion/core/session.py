@@ -32,8 +32,6 @@ from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters, check
 from fbql_fusion.core.policy import Policy
 
 _INF = float("inf")
-_NO_TREE = (-1, "")
-"""That of a behavior that did not answer yet."""
 
 
 @dataclass
@@ -282,8 +280,7 @@ class Session:
         for output, tree in zip(outputs, self._trees):  # noqa: B905 - decide compares their numbers
             if output is not None:
                 _, _, _, _, left, right, leaf_id, leaf_count, tree_hash, _, _ = output
-                count, known = tree or _NO_TREE
-                is_known = leaf_count == count and tree_hash == known
+                is_known = (leaf_count, tree_hash) == tree
                 if is_known and 0 <= leaf_id < leaf_count and -_INF < left < _INF and -_INF < right < _INF:
                     leaves.append(leaf_id)
                     continue
