@@ -70,8 +70,8 @@ def _tune(arguments: argparse.Namespace) -> int:
         "measure": exercise.measure,
         "before": measured(before, exercise),
         "after": measured(after, exercise),
-        "difference_low": gained.low,
-        "difference_high": gained.high,
+        "difference_low": gained.low if len(seeds) > 1 else None,
+        "difference_high": gained.high if len(seeds) > 1 else None,
         "starts": len(seeds),
         "steps": tuned.steps,
         "seconds": seconds,
@@ -113,13 +113,14 @@ def _progress(episodes: int) -> Callable[[int], None]:
 def _worded(result: dict[str, Any]) -> str:
     change = result["after"] - result["before"]
     low, high = result["difference_low"], result["difference_high"]
+    interval = "" if low is None else f" (95 %: {low:+.1f} to {high:+.1f})"
     return "\n".join(
         (
             f"{result['leaves_changed']} of {counted(result['leaves'], 'leaf', 'leaves')} changed, "
             f"after {result['steps']} steps in {result['seconds']:.1f} s",
-            f"  {result['measure']}, over {result['starts']} starts that tuning did not see",
+            f"  {result['measure']}, over {counted(result['starts'], 'start')} that tuning did not see",
             f"    before   {result['before']:.1f}",
-            f"    after    {result['after']:.1f}, a difference of {change:+.1f} (95 %: {low:+.1f} to {high:+.1f})",
+            f"    after    {result['after']:.1f}, a difference of {change:+.1f}{interval}",
             f"  tree     {result['path']}",
         )
     )

@@ -28,7 +28,8 @@ def ratio_of_sums(numerators: Sequence[float], denominators: Sequence[float]) ->
     """sum(numerators) / sum(denominators) over runs, with a percentile bootstrap over the runs.
 
     This is cost/goal of a method over many runs: steps and goals are summed before they are divided, so that a run with few
-    goals does not count as much as one with many. NaN where the denominators' sum is 0.
+    goals does not count as much as one with many. NaN where the denominators' sum is 0; one run alone has no interval: its
+    ends are NaN.
 
     Source: Efron & Tibshirani, An Introduction to the Bootstrap (1993), ch. 13.
     """
@@ -39,7 +40,7 @@ def ratio_of_sums(numerators: Sequence[float], denominators: Sequence[float]) ->
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = sums[0] / sums[1]
         estimate = float(pairs[0].sum() / pairs[1].sum())
-        low, high = np.percentile(ratios, [2.5, 97.5])
+        low, high = np.percentile(ratios, [2.5, 97.5]) if len(numerators) > 1 else (nan, nan)
     return Interval(estimate, float(low), float(high))
 
 
@@ -133,17 +134,20 @@ class Resamples:
 
 
 def mean_interval(values: Sequence[float]) -> Interval:
-    """The mean over runs, with a percentile bootstrap over the runs."""
+    """The mean over runs, with a percentile bootstrap over the runs; one run alone has no interval: its ends are NaN."""
     return ratio_of_sums(values, [1.0] * len(values))
 
 
 def paired_p_value(ours: Sequence[float], theirs: Sequence[float]) -> float:
     """Two-sided p of the paired sign-flip permutation test that the mean difference is 0.
 
-    Each pair is of the same tree set and seed. With RESAMPLES random flips the smallest p is 1 / (RESAMPLES + 1).
+    Each pair is of the same tree set and seed. With RESAMPLES random flips the smallest p is 1 / (RESAMPLES + 1). One pair
+    alone says nothing: NaN.
 
     Source: Good, Permutation, Parametric and Bootstrap Tests of Hypotheses (2005), section 3.
     """
+    if len(ours) < 2:
+        return nan
     differences = np.array(ours, dtype=np.float64) - np.array(theirs, dtype=np.float64)
     observed = abs(differences.mean())
     rng = np.random.default_rng(SEED)

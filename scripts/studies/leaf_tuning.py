@@ -25,6 +25,7 @@ from launcher.make_trees import DEMONSTRATION_SEED, INDUCTION_SEED
 from launcher.practice import PracticeGround, measure, measuring_seeds
 
 from studies import leaf_tuning_words
+from studies.comparison import finite
 from studies.inference import mean_interval, paired_p_value
 from studies.study import MOST_PLAYED, MOST_SEEDS, Parameters, Result, Row, Task, check_counts
 from studies.tree_play import RETUNED, retuned, score
@@ -181,7 +182,7 @@ def _row(what: tuple[str, str, str, str], before: Sequence[float], after: Sequen
     difference = mean_interval([new - old for old, new in zip(before, after, strict=True)])
     trees, tuned, played, name = what
     mean_before = sum(before) / len(before)
-    return {
+    row = {
         "trees": trees,
         "tuned": tuned,
         "played": played,
@@ -195,6 +196,7 @@ def _row(what: tuple[str, str, str, str], before: Sequence[float], after: Sequen
         "high": difference.high,
         "p": paired_p_value(after, before),
     }
+    return finite(row)
 
 
 def figures(_results: Mapping[str, Result], _directory: Path) -> list[Path]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from studies.study import Row, Table
-from studies.tables import number
+from studies.tables import between, number
 from studies.tree_words import spoken
 
 ALONE = "alone"
@@ -22,7 +22,7 @@ COLUMNS = {
     "after": "mean after it",
     "percent": "the difference in percent of `before`",
     "difference": "after - before, paired by seed",
-    "low": "the lower end of its 95 % interval, a bootstrap over the seeds",
+    "low": "the lower end of its 95 % interval, a bootstrap over the seeds; null with one",
     "high": "the upper end",
     "p": "p of the sign-flip test, paired by seed, that there is no difference",
 }
@@ -55,7 +55,7 @@ def _table(what: str, rows: Sequence[Row], columns: Sequence[str]) -> Table:
             number(row["before"], ".4g"),
             number(row["after"], ".4g"),
             number(row["percent"], "+.1f"),
-            f"{row['difference']:+.3g} ({row['low']:+.3g} to {row['high']:+.3g})",
+            between(row, "difference", "low", "high", "+.3g"),
             number(row["p"], ".2g"),
         ]
         for row in rows

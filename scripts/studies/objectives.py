@@ -14,6 +14,7 @@ from fbql_behaviors.core.evaluation import wheel_rmse
 from fbql_behaviors.core.recipes import RECIPES
 
 from studies import objectives_words
+from studies.comparison import finite
 from studies.inference import mean_interval, paired_p_value
 from studies.leaf_tuning import TEAM_MEASURES
 from studies.study import MOST_PLAYED, MOST_SEEDS, Parameters, Result, Row, Task, check_counts
@@ -87,7 +88,7 @@ def table(results: Mapping[str, Result]) -> list[Row]:
 
 def _row(where: str, measure: str, weighted: list[float], printed: list[float]) -> Row:
     difference = mean_interval([theirs - ours for ours, theirs in zip(weighted, printed, strict=True)])
-    return {
+    row = {
         "where": where,
         "measure": measure,
         "n": len(weighted),
@@ -98,6 +99,7 @@ def _row(where: str, measure: str, weighted: list[float], printed: list[float]) 
         "high": difference.high,
         "p": paired_p_value(printed, weighted),
     }
+    return finite(row)
 
 
 def figures(_results: Mapping[str, Result], _directory: Path) -> list[Path]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from studies.study import Row, Table
-from studies.tables import number
+from studies.tables import between, number
 
 COLUMNS = {
     "where": "held out: on demonstrations; else the thresholds of the Subsumption that the trees were played with",
@@ -14,7 +14,7 @@ COLUMNS = {
     "weighted": "mean over the trees of the weighted objective",
     "printed": "mean over those of the printed one",
     "difference": "printed - weighted, paired by seed",
-    "low": "the lower end of its 95 % interval, a bootstrap over the seeds",
+    "low": "the lower end of its 95 % interval, a bootstrap over the seeds; null with one",
     "high": "the upper end",
     "p": "p of the sign-flip test, paired by seed, that there is no difference",
 }
@@ -30,7 +30,7 @@ def tables(rows: Sequence[Row]) -> dict[str, Table]:
             row["measure"],
             number(row["weighted"], ".4g"),
             number(row["printed"], ".4g"),
-            f"{row['difference']:+.3g} ({row['low']:+.3g} to {row['high']:+.3g})",
+            between(row, "difference", "low", "high", "+.3g"),
             number(row["p"], ".2g"),
         ]
         for row in rows

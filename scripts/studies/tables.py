@@ -59,6 +59,14 @@ def _cell(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
+def between(row: Row, middle: str, low: str, high: str, form: str, scale: float = 1.0) -> str:
+    """An estimate with its interval, by the names of their columns; without what is not there."""
+    words = number(row[middle], form, scale)
+    if words and row[low] is not None and row[high] is not None:
+        words += f" ({number(row[low], form, scale)} to {number(row[high], form, scale)})"
+    return words
+
+
 def number(value: float | None, form: str, scale: float = 1.0) -> str:
     """A number; empty where there is none."""
     return "" if value is None else f"{value * scale:{form}}"

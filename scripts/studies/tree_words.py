@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fbql_behaviors.core.recipes import RECIPES
 
 from studies.study import Row, Table
-from studies.tables import number
+from studies.tables import between, number
 from studies.tree_methods import OBJECTIVES, TRIALS
 from studies.tree_play import PRESETS, SETTINGS
 
@@ -110,7 +110,7 @@ def _trees(rows: Sequence[Row]) -> Table:
         [
             row["method"],
             _spread(row, "leaves", ".0f"),
-            _between(row, "rmse_levels", "rmse_low", "rmse_high", 1.0, ".2f"),
+            between(row, "rmse_levels", "rmse_low", "rmse_high", ".2f"),
             f"{row['rmse_rad_s']:.1f}",
             number(row["value_to_dp"], ".2f"),
             f"{1000.0 * row['seconds']:.0f}",
@@ -172,9 +172,9 @@ def _play(rows: Sequence[Row]) -> Table:
     body = [
         [
             row["method"],
-            _between(row, "success_rate", "success_low", "success_high", 100.0, ".1f"),
-            _between(row, "cost_per_goal", "cost_low", "cost_high", 1.0, ".0f"),
-            _between(row, "cost_to_shipped", "ratio_low", "ratio_high", 1.0, ".2f"),
+            between(row, "success_rate", "success_low", "success_high", ".1f", 100.0),
+            between(row, "cost_per_goal", "cost_low", "cost_high", ".0f"),
+            between(row, "cost_to_shipped", "ratio_low", "ratio_high", ".2f"),
             number(row["p"], ".2g"),
             f"{100.0 * row['own_goals']:.1f}",
             f"{100.0 * row['timeouts']:.1f}",
@@ -210,12 +210,4 @@ def spoken(behavior: str) -> str:
 
 def _spread(row: Row, name: str, form: str) -> str:
     """A median with the range."""
-    return _between(row, name, f"{name}_low", f"{name}_high", 1.0, form)
-
-
-def _between(row: Row, middle: str, low: str, high: str, scale: float, form: str) -> str:
-    """An estimate with its interval; empty where there is none."""
-    words = number(row[middle], form, scale)
-    if words and row[low] is not None and row[high] is not None:
-        words += f" ({number(row[low], form, scale)} to {number(row[high], form, scale)})"
-    return words
+    return between(row, name, f"{name}_low", f"{name}_high", form)

@@ -85,3 +85,8 @@ def test_band_of_one_point_is_the_interval_of_the_mean_and_leaves_out_what_is_no
     assert band[0] == pytest.approx([7 / 3, 2.0])
     assert band[:, 1].tolist() == [2.0, 1.0, 3.0]
     assert band[:, 0] == pytest.approx(clustered_ratio(Sums([1.0, 2.0, 4.0], [1.0] * 3), [1, 2, 3]))
+
+
+def test_one_run_or_pair_alone_has_no_interval_and_no_p():
+    assert mean_interval([3.0]).estimate == 3.0
+    assert np.isnan([*mean_interval([3.0])[1:], *ratio_of_sums([3.0], [1.0])[1:], paired_p_value([3.0], [2.0])]).all()
