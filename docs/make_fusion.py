@@ -26,7 +26,7 @@ PAGE = HERE / "fusion.md"
 DATA = HERE / "data"
 IMAGES = HERE / "images"
 PLACE = re.compile(r"(<!-- (table|figure): (\w+): ([^:>]*?)(?:: ([^>]*?))? -->\n).*?(<!-- end -->)", re.DOTALL)
-STUDIES = ("paper", "ladder", "ablation", "peers", "scaling")
+STUDIES = ("paper", "ladder", "ablation", "sensitivity", "peers", "scaling")
 KEPT = ("table", "columns", "options", "git_revision", "tasks", "done", "failed")
 
 

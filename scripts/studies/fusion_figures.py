@@ -304,6 +304,7 @@ FIGURES: dict[str, Callable[[Any], Figure]] = {
     "coverage": coverage_figure,
     "ladder": partial(intervals_figure, name="ratio_retuned", label="cost/goal to re-tuned Subsumption's"),
     "ablation": partial(intervals_figure, name="ratio_default", label="cost/goal to the default's"),
+    "sensitivity": partial(intervals_figure, name="ratio_default", label="cost/goal to the default's"),
     "maps": maps_figure,
     "scaling": scaling_figure,
     "peers": peers_figure,

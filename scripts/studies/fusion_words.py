@@ -12,8 +12,8 @@ _CONTROLS = {
     "tuned": "Subsumption with the tuned preset",
     "retuned": "Subsumption with thresholds tuned for each tree set",
     "frozen": "the literal FBQL's frozen twin, which never learned",
-    "untrained": "the same execution that never learned, a frozen twin (in the ablation that of the default)",
-    "guided": "the same learner, frozen when the guided episodes were over, a frozen twin (in the ablation the default's)",
+    "untrained": "the same execution that never learned, a frozen twin (among variants the default's)",
+    "guided": "the same learner, frozen when the guided episodes were over, a frozen twin (among variants the default's)",
     "default": "fbql with its defaults, trained alike",
 }
 """Control, as columns name it -> what it is."""
@@ -135,7 +135,7 @@ def ladder_tables(rows: Sequence[Row]) -> dict[str, Table]:
 
 
 def ablation_tables(rows: Sequence[Row]) -> dict[str, Table]:
-    """Title -> table of the ablation."""
+    """Title -> table of the ablation, and of the sensitivity."""
     controls = {"default": "default", "retuned": "re-tuned", "paper": "paper", "untrained": "never learned",
                 "guided": "only guided"}  # fmt: skip
     return {"one change each": _methods(rows, controls), **changes_told(rows)}

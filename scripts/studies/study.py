@@ -90,6 +90,7 @@ STUDIES: dict[str, str] = {
     "paper": "studies.paper",
     "peers": "studies.peers",
     "scaling": "studies.scaling",
+    "sensitivity": "studies.sensitivity",
     "trees": "studies.trees",
 }
 """Name of a study -> the module that is it."""

@@ -23,7 +23,7 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from launcher.experiment import main
 from launcher.make_trees import SHIPPED
-from studies import ablation, fusion_controls, fusion_words, ladder, paper, scaling, tuning
+from studies import ablation, fusion_controls, fusion_words, ladder, paper, scaling, sensitivity, tuning, variants
 from studies.comparison import cost_ratio, method_row, runs_by_method
 from studies.constant_blend import BLEND_ROUNDS, best_blend, blend_played
 from studies.learning_curves import growth, learning
@@ -33,8 +33,9 @@ from studies.study import MEASURED, Result, Task
 from studies.training import MOST_TREE_SETS, SEEDS_OF_A_TREE_SET, Seeds, frozen, law_played, size_of, train, training_of
 from studies.weight_maps import weight_maps
 
-STUDIES = (ladder, ablation, scaling, paper)
-TRAINING = (ladder, ablation, scaling)
+STUDIES = (ladder, ablation, sensitivity, scaling, paper)
+TRAINING = (ladder, ablation, sensitivity, scaling)
+VARIED = (ablation, sensitivity)
 MAX_STEPS = 120
 SMALL = ("--trees", "1", "--seeds", "1", "--max-steps", str(MAX_STEPS))
 TINY = (*SMALL, "--episodes", "6", "--evaluate", "2")
@@ -153,7 +154,7 @@ def test_the_law_plays_the_episodes_of_the_run_seed() -> None:
 
 
 @pytest.mark.usefixtures("short")
-@pytest.mark.parametrize("study", [ladder, ablation])
+@pytest.mark.parametrize("study", [ladder, *VARIED])
 def test_a_task_gives_the_same_result_again_and_the_table_has_every_method(study: ModuleType, tmp_path: Path) -> None:
     found = [task for task in tasks(study, *TINY) if task.parameters["part"] in (*ladder.TRAINED, "controls")]
     results: dict[str, Result] = {}
@@ -201,9 +202,10 @@ def test_each_number_of_behaviors_adds_to_the_smaller_one() -> None:
     assert all(more[: len(fewer)] == fewer for fewer, more in pairwise(names))
 
 
-def test_every_variant_changes_a_parameter_and_each_is_tried_once() -> None:
+@pytest.mark.parametrize("study", VARIED)
+def test_every_variant_changes_a_parameter_and_each_is_tried_once(study: ModuleType) -> None:
     default = FusionParameters()
-    trained, played = ablation.trained_variants(), ablation.played_variants()
+    trained, played = study.VARIANTS.trained, study.VARIANTS.played
     assert not set(trained) & set(played)
     for changes in (*trained.values(), *played.values()):
         assert any(getattr(default, name) != value for name, value in changes.items())
@@ -213,9 +215,11 @@ def test_every_variant_changes_a_parameter_and_each_is_tried_once() -> None:
     assert all(name in ("fbql_play", "fbql_patience", "fbql_play_steps") for each in played.values() for name in each)
 
 
-@pytest.mark.parametrize("name", ablation.trained_variants())
-def test_every_variant_can_be_trained_and_played(name: str, loop: WorldLoop) -> None:
-    fusion = training_of(5, 3, **ablation.trained_variants()[name])
+@pytest.mark.parametrize(
+    "changes", [x for study in VARIED for x in study.VARIANTS.trained.values()], ids=variants.as_set
+)
+def test_every_variant_can_be_trained_and_played(changes: variants.Changes, loop: WorldLoop) -> None:
+    fusion = training_of(5, 3, **changes)
     trained = train(fusion, shipped(), loop)
     assert frozen(fusion, shipped(), loop, 77, 1, trained.policy)["episodes"] == 1
 
@@ -450,12 +454,15 @@ def test_the_papers_protocol_refuses_numbers_below_1_and_beyond_reason(option: s
 
 
 def test_the_papers_tree_sets_end_before_those_that_defaults_were_chosen_on() -> None:
-    assert min(study.SEEDS.first_tree for study in (ablation, scaling)) >= paper.FIRST_TREE_SEED + paper.MOST_TREE_SETS
+    assert (
+        min(study.SEEDS.first_tree for study in (sensitivity, ablation, scaling))
+        >= paper.FIRST_TREE_SEED + paper.MOST_TREE_SETS
+    )
 
 
 def test_changes_are_told_as_options_that_the_command_takes() -> None:
-    changes = ablation.trained_variants()["leaves and pairs of leaves only"] | {"fbql_mirror": False, "preset": "paper"}
-    words = ablation.as_set(changes)
+    changes = ablation.VARIANTS.trained["leaves and pairs of leaves only"] | {"fbql_mirror": False, "preset": "paper"}
+    words = variants.as_set(changes)
     assert words == "--set fbql_pair_tilings=0 --set fbql_joint_tilings=0 --set fbql_mirror=false --set preset=paper"
     rows = [{"method": "no mirror", "changes": words}, {"method": "fbql", "changes": ""}]
     assert fusion_words.changes_told(rows) == {
