@@ -89,7 +89,12 @@ def _parser() -> Parser:
             help="run on the Dask cluster of this scheduler instead, whose workers are started in this project's "
             "environment with scripts/ on PYTHONPATH",
         )
-        own.add_argument("--out", type=Path, metavar="DIR", help=f"directory of the results (runs/study-{name})")
+        own.add_argument(
+            "--out",
+            type=Path,
+            metavar="DIR",
+            help=f"directory of the results (runs/study-{name}); one with fewer seeds or trees goes on from there",
+        )
         own.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
     return parser
 

@@ -19,9 +19,12 @@ METHODS = (LAW, PAPER, TUNED, RETUNED, UNIFORM, CONSTANT)
 
 
 def control_tasks(seeds: Seeds, tree_sets: int, count: int, given: Parameters) -> list[Task]:
-    """A task for each tree set: what is tuned for it is tuned once and judged on the episodes of every training."""
+    """A task for each tree set: what is tuned for it is tuned once and judged on the episodes of every training.
+
+    With more trainings it is another task.
+    """
     return [
-        Task(f"controls-trees{seeds.tree(k)}", {"part": "controls", "set": k, "seeds": count, **given})
+        Task(f"controls-trees{seeds.tree(k)}-seeds{count}", {"part": "controls", "set": k, "seeds": count, **given})
         for k in range(tree_sets)
     ]
 

@@ -66,7 +66,10 @@ def tasks(options: argparse.Namespace) -> list[Task]:
     sets = range(options.trees)
     given = {"steps": options.steps, "episodes": options.episodes}
     found = [
-        Task(f"{CONTROLS}-trees{FIRST_TREE_SEED + k}", {"part": CONTROLS, "set": k, "seeds": options.seeds, **given})
+        Task(
+            f"{CONTROLS}-trees{FIRST_TREE_SEED + k}-seeds{options.seeds}",
+            {"part": CONTROLS, "set": k, "seeds": options.seeds, **given},
+        )
         for k in sets
     ]
     for method in learners:  # a study that is cut short has whole methods

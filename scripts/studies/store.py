@@ -21,6 +21,8 @@ from fbql_fusion.atomic_file import write_atomically
 
 from studies.study import Result
 
+GROWING = ("seeds", "trees")
+"""Options that say how many: the tasks of fewer are among those of more, so that a directory can go on with more."""
 _MADE_FIRST = {"tasks", "lock"}
 """What is there before config.json is."""
 
@@ -30,7 +32,8 @@ class Store:
 
     Args:
         directory: made if it is not there.
-        config: what the tasks depend on (study and options), as JSON values.
+        config: what the tasks depend on (study and options), as JSON values. A directory of the same study with fewer of
+            GROWING goes on with more.
 
     Raises:
         BadInput: the directory can't be used, has other files in it, belongs to another study or other options, or a run
@@ -63,12 +66,13 @@ class Store:
         path = self.directory / "config.json"
         try:
             if not path.exists():
-                text = json.dumps(config, indent=2, sort_keys=True)
-                write_atomically(path, f"{text}\n".encode())
+                _write_config(path, config)
             found = _parsed(path.read_text())
         except (OSError, ValueError) as error:
             raise BadInput(f"{path}: can't be used ({error}); choose another directory") from None
-        if found != config:
+        if _is_fewer(found, config):
+            _write_config(path, config)
+        elif found != config:
             raise BadInput(f"{self.directory}: holds {_difference(found, config)}; choose another directory")
 
     def __enter__(self) -> Store:
@@ -124,6 +128,22 @@ def _parsed(text: str) -> Any:
         return None
 
 
+def _write_config(path: Path, config: dict[str, Any]) -> None:
+    text = json.dumps(config, indent=2, sort_keys=True)
+    write_atomically(path, f"{text}\n".encode())
+
+
+def _is_fewer(found: Any, asked: dict[str, Any]) -> bool:
+    """Whether what config.json holds is what is asked for, but for fewer of GROWING."""
+    try:
+        own, others = found["options"], asked["options"]
+        counts = {name: others[name] for name in GROWING if name in others}
+        is_same_else = found | {"options": own | counts} == asked
+        return is_same_else and found != asked and all(own[name] <= count for name, count in counts.items())
+    except (KeyError, TypeError):
+        return False
+
+
 def _difference(found: Any, asked: dict[str, Any]) -> str:
     """How the study that config.json holds differs from the one that is asked for."""
     try:
@@ -131,11 +151,11 @@ def _difference(found: Any, asked: dict[str, Any]) -> str:
             return f"the study {found['study']}, not {asked['study']}"
         own, others = found["options"], asked["options"]
         differ = [name for name in others if name not in own or own[name] != others[name]]
-        name = (differ or sorted(own.keys() - others.keys()))[0]
+        name = min(differ, key=lambda name: name in GROWING) if differ else min(own.keys() - others.keys())
         option = f"--{name.replace('_', '-')}"
         kept, wanted = (f"{option} {each[name]}" if name in each else f"no {option}" for each in (own, others))
         return f"this study with {kept}, not {wanted}"
-    except (KeyError, TypeError, AttributeError, IndexError):
+    except (KeyError, TypeError, AttributeError, ValueError):
         return "a config.json that is no study's"
 
 

@@ -377,13 +377,13 @@ def test_one_worker_and_two_give_the_same_results_and_a_run_goes_on_where_one_wa
         assert len(one) == 4
         assert one == two
         (tmp_path / "two" / "tasks" / "fbql-trees1001-seed0.json").unlink()
-        controls = (tmp_path / "two" / "tasks" / "controls-trees1001.json").stat().st_mtime_ns
+        controls = (tmp_path / "two" / "tasks" / "controls-trees1001-seeds1.json").stat().st_mtime_ns
         assert main([*arguments, str(tmp_path / "two"), "--jobs", "2"]) == 0
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
     assert kept(tmp_path / "two") == one
-    assert (tmp_path / "two" / "tasks" / "controls-trees1001.json").stat().st_mtime_ns == controls
+    assert (tmp_path / "two" / "tasks" / "controls-trees1001-seeds1.json").stat().st_mtime_ns == controls
     told = capsys.readouterr()
     assert "3 of 4 tasks are done already" in told.err
     tables = [json.loads(line)["table"] for line in told.out.splitlines()]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import shutil
@@ -17,8 +18,8 @@ import probe_study
 import pytest
 from launcher import experiment
 from launcher.experiment import main
-from studies.store import Store, write_failure, write_result
-from studies.study import MEASURED, STUDIES, Table, study_of
+from studies.store import GROWING, Store, write_failure, write_result
+from studies.study import MEASURED, STUDIES, Parameters, Table, study_of
 from studies.tables import as_markdown, as_text, rows_as_text
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -174,7 +175,9 @@ def test_a_second_run_into_a_directory_is_refused_while_the_first_goes_on(
 @pytest.mark.parametrize(
     ("config", "says"),
     [
-        ({"options": {"seeds": 1}}, "holds this study with --seeds 1, not --seeds 2;"),
+        ({"options": {"seeds": 3}}, "holds this study with --seeds 3, not --seeds 2;"),
+        ({"options": {"seeds": 1, "others": ["wait"]}}, "holds this study with --others ['wait'], not --others [];"),
+        ({"options": {"seeds": "1"}}, "holds this study with --seeds 1, not --seeds 2;"),
         ({"study": "trees"}, "holds the study trees, not probe;"),
         ({"options": {"seeds": 2, "max_steps": 7}}, "holds this study with --max-steps 7, not no --max-steps;"),
         ([], "holds a config.json that is no study's;"),
@@ -194,6 +197,34 @@ def test_a_directory_of_another_study_or_other_options_is_refused(
     assert says in captured.err
     assert captured.err.count("\n") == 1
     assert captured.out == ""
+
+
+def test_a_study_goes_on_with_more_seeds_and_with_them_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments(tmp_path, "--seeds", "1")) == 0
+    assert main(arguments(tmp_path, "--seeds", "3")) == 0
+    summary = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (summary["options"]["seeds"], summary["done"]) == (3, 3)
+    assert probe_study.attempts(tmp_path) == ["draw0", "draw1", "draw2"]
+    assert main(arguments(tmp_path, "--seeds", "2")) == 2
+    assert "holds this study with --seeds 3, not --seeds 2;" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_the_tasks_of_fewer_seeds_and_trees_are_those_of_more(name: str) -> None:
+    study = study_of(name)
+
+    def tasks(count: int) -> dict[str, Parameters]:
+        parser = argparse.ArgumentParser()
+        study.add_options(parser)
+        options = parser.parse_args([])
+        for option in GROWING:
+            if option in vars(options):
+                setattr(options, option, count)
+        return {task.key: task.parameters for task in study.tasks(options)}
+
+    few, many = tasks(2), tasks(3)
+    assert all(many[key] == parameters for key, parameters in few.items() if "-seeds2" not in key)
+    assert len(many) > len(few)
 
 
 def test_what_a_stopped_study_leaves_and_another_layout_of_the_options_are_no_other_study(tmp_path: Path) -> None:
