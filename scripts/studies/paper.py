@@ -141,12 +141,15 @@ def tasks(options: argparse.Namespace) -> list[Task]:
     seeds = range(FIRST_RUN_SEED, FIRST_RUN_SEED + options.seeds)
     trees = range(FIRST_TREE_SEED, FIRST_TREE_SEED + options.trees)
     found = [
-        Task(f"retuned-trees{tree}", {"part": RETUNED, "tree_seed": tree, "run_seeds": list(seeds), **given})
+        Task(
+            f"retuned-trees{tree}-seeds{options.seeds}",
+            {"part": RETUNED, "tree_seed": tree, "run_seeds": list(seeds), **given},
+        )
         for tree in trees
     ]
     return found + [
         Task(
-            f"trees{tree}-seeds{block[0]}",
+            f"trees{tree}-seeds{block[0]}to{block[-1]}",
             {"part": "others", "tree_seed": tree, "run_seeds": list(block), **given},
         )
         for block in batched(seeds, RUNS_PER_TASK)

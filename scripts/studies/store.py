@@ -22,7 +22,7 @@ from fbql_fusion.atomic_file import write_atomically
 from studies.study import Result
 
 GROWING = ("seeds", "trees")
-"""Options that say how many: the tasks of fewer are among those of more, so that a directory can go on with more."""
+"""Options that say how many: a task that depends on them says so in its key, so that a directory can go on with more."""
 _MADE_FIRST = {"tasks", "lock"}
 """What is there before config.json is."""
 
