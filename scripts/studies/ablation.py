@@ -1,4 +1,4 @@
-"""What each part of FBQL is worth: without one at a time, trained and played like the whole."""
+"""What each part of FBQL is worth: without one (or two) of them, trained and played like the whole."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ VARIANTS = Variants(
             "no guided episodes": {"guided": 0},
             "no averaging, constant rate": {"fbql_horizon": FOREVER},
             "no entropy": {"fbql_entropy": 0.0},
+            "neither averaging nor entropy": {"fbql_horizon": FOREVER, "fbql_entropy": 0.0},
             "collisions not punished": {"fbql_reward_collision": 0.0},
         }
     ),
