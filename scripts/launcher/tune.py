@@ -17,6 +17,7 @@ from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, limits_of, types_of
+from studies.comparison import finite
 from studies.inference import mean_interval
 
 from launcher.counted import counted
@@ -63,22 +64,24 @@ def _tune(arguments: argparse.Namespace) -> int:
         save_tree(path, tuned.tree)
     except OSError as error:
         return unwritable(PROGRAM, path, error)
-    result = {
-        "behavior": behavior,
-        "leaves": tree.leaf_count,
-        "leaves_changed": tuned.leaves_changed,
-        "measure": exercise.measure,
-        "before": measured(before, exercise),
-        "after": measured(after, exercise),
-        "difference_low": gained.low if len(seeds) > 1 else None,
-        "difference_high": gained.high if len(seeds) > 1 else None,
-        "starts": len(seeds),
-        "steps": tuned.steps,
-        "seconds": seconds,
-        "path": str(path),
-        "sha256": tuned.tree.hash,
-        "tuned_from": tree.hash,
-    }
+    result = finite(
+        {
+            "behavior": behavior,
+            "leaves": tree.leaf_count,
+            "leaves_changed": tuned.leaves_changed,
+            "measure": exercise.measure,
+            "before": measured(before, exercise),
+            "after": measured(after, exercise),
+            "difference_low": gained.low,
+            "difference_high": gained.high,
+            "starts": len(seeds),
+            "steps": tuned.steps,
+            "seconds": seconds,
+            "path": str(path),
+            "sha256": tuned.tree.hash,
+            "tuned_from": tree.hash,
+        }
+    )
     print_result(json.dumps(result) if arguments.json else _worded(result))
     return _DONE
 

@@ -96,9 +96,6 @@ class Kind:
         numerators, denominators = ([run.counts[name] for run in self.runs] for name in names)
         if not sum(denominators):
             return None
-        if len(self.runs) == 1:
-            estimate = numerators[0] / denominators[0]
-            return Interval(estimate, float("nan"), float("nan"))
         return ratio_of_sums(numerators, denominators)
 
     @property
@@ -240,15 +237,11 @@ def pairs_of(kinds: Sequence[Kind]) -> list[Pair]:
         both = [(run, first[run.seed]) for run in kind.runs if run.seed in first]
         costs = [_cost([pair[side] for pair in both]) for side in (0, 1)]
         ratio = costs[0] / costs[1] if costs[0] is not None and costs[1] else None
-        p = None
-        if len(both) > 1:
-            # A run without a goal costs what it took, as in studies.comparison.
-            p = paired_p_value(
-                *(
-                    [run.counts["steps"] / max(run.counts["goals"], 1) for run in each]
-                    for each in zip(*both, strict=True)
-                )
-            )
+        # A run without a goal costs what it took, as in studies.comparison.
+        ours, theirs = (
+            [pair[side].counts["steps"] / max(pair[side].counts["goals"], 1) for pair in both] for side in (0, 1)
+        )
+        p = _finite(paired_p_value(ours, theirs))
         pairs.append(Pair(kind.letter, kinds[0].letter, len(both), ratio, p))
     return pairs
 

@@ -1,4 +1,4 @@
-"""What each part of FBQL is worth: without one (or two) of them, trained and played like the whole."""
+"""What each part of FBQL is worth: without one (or two) of them, trained and played like the default."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from studies.training import SENSED_CRITIC, Seeds
 from studies.training import add_options as add_training_options
 from studies.variants import Variants, changing
 
-DESCRIPTION = "fbql without one of its parts at a time, each trained and played frozen like the whole"
+DESCRIPTION = "fbql without one of its parts at a time (once two), each trained and played frozen like the default"
 COLUMNS = fusion_words.COLUMNS
-words = fusion_words.ablation_tables
+words = fusion_words.variant_tables
 SEEDS = Seeds(1301, 7000)
-"""Used for nothing else: on those that the parts were chosen on, the whole would look better than it is."""
+"""Used for nothing else: on those that the parts were chosen on, the default would look better than it is."""
 FOREVER = 10_000_000
+"""Episodes."""
 VARIANTS = Variants(
     figure="ablation",
     seeds=SEEDS,

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from studies.study import Row, Table
-from studies.tables import number
+from studies.tables import between, number
 
 _CONTROLS = {
     "paper": "Subsumption with the paper-like preset",
     "tuned": "Subsumption with the tuned preset",
     "retuned": "Subsumption with thresholds tuned for each tree set",
     "frozen": "the literal FBQL's frozen twin, which never learned",
-    "untrained": "the same execution that never learned, a frozen twin (among variants the default's)",
-    "guided": "the same learner, frozen when the guided episodes were over, a frozen twin (among variants the default's)",
+    "untrained": "the same execution that never learned, a frozen twin (in the ablation and the sensitivity study: the default's)",
+    "guided": "the same learner, frozen when the guided episodes were over, a frozen twin (in the ablation and the sensitivity study: the default's)",
     "default": "fbql with its defaults, trained alike",
 }
 """Control, as columns name it -> what it is."""
@@ -134,8 +134,8 @@ def ladder_tables(rows: Sequence[Row]) -> dict[str, Table]:
     }
 
 
-def ablation_tables(rows: Sequence[Row]) -> dict[str, Table]:
-    """Title -> table of the ablation, and of the sensitivity."""
+def variant_tables(rows: Sequence[Row]) -> dict[str, Table]:
+    """Title -> table of a study of variants."""
     controls = {"default": "default", "retuned": "re-tuned", "paper": "paper", "untrained": "never learned",
                 "guided": "only guided"}  # fmt: skip
     return {"one change each": _methods(rows, controls), **changes_told(rows)}
@@ -161,7 +161,7 @@ def scaling_tables(rows: Sequence[Row]) -> dict[str, Table]:
             f"{row['features']:.0f}",
             _bytes(row["bytes"]),
             number(row["success_rate"], ".3f"),
-            _spread(row, "cost_per_goal", "cost", ".0f"),
+            between(row, "cost_per_goal", "cost_low", "cost_high", ".0f"),
             number(row["training_s"], ".0f"),
         ]
         for row in rows
@@ -180,7 +180,7 @@ def peers_tables(rows: Sequence[Row]) -> dict[str, Table]:
             f"{row['goals']} / {row['episodes']}",
             str(row["own_goals"]),
             number(row["success_rate"], ".3f"),
-            _spread(row, "cost_per_goal", "cost", ".0f"),
+            between(row, "cost_per_goal", "cost_low", "cost_high", ".0f"),
             number(row["collision_steps_per_goal"], ".0f"),
             _compared(row, "retuned"),
             number(row["training_seconds"], ".0f"),
@@ -206,7 +206,7 @@ def _methods(rows: Sequence[Row], controls: Mapping[str, str]) -> Table:
             str(row["own_goals"]),
             str(row["timeouts"]),
             number(row["success_rate"], ".3f"),
-            _spread(row, "cost_per_goal", "cost", ".0f"),
+            between(row, "cost_per_goal", "cost_low", "cost_high", ".0f"),
             number(row["steps_per_success"], ".0f"),
             f"{number(row['collisions_begun_per_goal'], '.1f')}, {number(row['collision_steps_per_goal'], '.0f')}",
             *(_compared(row, name) for name in controls),
@@ -220,21 +220,13 @@ def _compared(row: Row, name: str) -> str:
     """cost/goal relative to a control; empty where there is none, or it is the control itself."""
     if row.get(f"ratio_{name}") is None or row.get(f"p_{name}") is None:
         return ""
-    return f"{_spread(row, f'ratio_{name}', f'ratio_{name}', '.2f')}, p {_p(row[f'p_{name}'])}"
+    return (
+        f"{between(row, f'ratio_{name}', f'ratio_{name}_low', f'ratio_{name}_high', '.2f')}, p {_p(row[f'p_{name}'])}"
+    )
 
 
 def _p(value: float) -> str:
     return f"{value:.2g}".removeprefix("0") if value < 1.0 else "1"
-
-
-def _spread(row: Row, name: str, ends: str, form: str) -> str:
-    """An estimate with its interval, where it has one."""
-    if row.get(name) is None:
-        return ""
-    low, high = row.get(f"{ends}_low"), row.get(f"{ends}_high")
-    if low is None:
-        return number(row[name], form)
-    return f"{number(row[name], form)} ({number(low, form)} to {'∞' if high is None else number(high, form)})"
 
 
 def _rungs(rows: Sequence[Row]) -> Table:

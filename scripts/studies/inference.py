@@ -110,7 +110,7 @@ class Resamples:
                 np.add.at(self.counts, (here[:, None], drawn), 1.0)
 
     def mean_band(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """The mean over runs at each point, and its 95 % interval, [3, points].
+        """The mean over runs at each point, and its 95 % interval, [3, points]; of one run it has no width.
 
         Args:
             values: [runs, points]; NaN where a run has none, which then counts in nothing.
@@ -121,7 +121,8 @@ class Resamples:
     def ratio_band(
         self, numerators: npt.NDArray[np.float64], denominators: npt.NDArray[np.float64]
     ) -> npt.NDArray[np.float64]:
-        """The ratio of sums over runs at each point, and its 95 % interval, [3, points]; NaN where nothing is known.
+        """The ratio of sums over runs at each point, and its 95 % interval, [3, points]; NaN where nothing is
+        known. That of one run has no width.
 
         Args:
             numerators: [runs, points].

@@ -23,8 +23,8 @@ COLUMNS = {
     "percent": "the difference in percent of `before`",
     "difference": "after - before, paired by seed",
     "low": "the lower end of its 95 % interval, a bootstrap over the seeds; null with one",
-    "high": "the upper end",
-    "p": "p of the sign-flip test, paired by seed, that there is no difference",
+    "high": "the upper end; null with one",
+    "p": "p of the sign-flip test, paired by seed, that there is no difference; null with one",
 }
 """Column -> what it says."""
 

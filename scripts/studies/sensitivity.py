@@ -14,7 +14,7 @@ DESCRIPTION = (
     "fbql with other values of its parameters and other guides, each trained and played frozen like the default"
 )
 COLUMNS = fusion_words.COLUMNS
-words = fusion_words.ablation_tables
+words = fusion_words.variant_tables
 SEEDS = Seeds(1101, 3000)
 """Those that the defaults were chosen on; the ladder and the ablation use others, to judge by what was not seen."""
 
@@ -29,7 +29,7 @@ VARIANTS = Variants(
     seeds=SEEDS,
     trained=changing(
         {
-            **_series("held for {} steps", "fbql_hold_steps", 1, 2, 4, 8, 16),
+            **_series("hold steps {}", "fbql_hold_steps", 1, 2, 4, 8, 16),
             **_series("trace {}", "fbql_trace", 0.9, 0.95, 0.975),
             **_series("rate {}", "fbql_rate", 0.075, 0.15, 0.3),
             **_series("critic's rate {}", "fbql_value_rate", 0.01, 0.03, 0.1),
@@ -48,7 +48,7 @@ VARIANTS = Variants(
             },
         }
     ),
-    played=changing(_series("play that decides every {} steps", "fbql_play_steps", 1, 2, 4, 8)),
+    played=changing(_series("play steps {}", "fbql_play_steps", 1, 2, 4, 8)),
 )
 tasks, run, table, figures = VARIANTS.tasks, VARIANTS.run, VARIANTS.table, VARIANTS.figures
 

@@ -21,8 +21,8 @@ from fbql_fusion.atomic_file import write_atomically
 
 from studies.study import Result
 
-GROWING = ("seeds", "trees")
-"""Options that say how many: a task that depends on them says so in its key, so that a directory can go on with more."""
+COUNTS = ("seeds", "trees")
+"""Options that say how many. A directory serves fewer and more: a task that depends on them says so in its key."""
 _MADE_FIRST = {"tasks", "lock"}
 """What is there before config.json is."""
 
@@ -32,8 +32,8 @@ class Store:
 
     Args:
         directory: made if it is not there.
-        config: what the tasks depend on (study and options), as JSON values. A directory of the same study with fewer of
-            GROWING goes on with more.
+        config: what the tasks depend on (study and options), as JSON values. A directory of the same study with other COUNTS
+            goes on with these.
 
     Raises:
         BadInput: the directory can't be used, has other files in it, belongs to another study or other options, or a run
@@ -65,15 +65,14 @@ class Store:
             ) from None
         path = self.directory / "config.json"
         try:
-            if not path.exists():
-                _write_config(path, config)
-            found = _parsed(path.read_text())
+            found = _parsed(path.read_text()) if path.exists() else config
+            if _uncounted(found) == _uncounted(config):
+                text = json.dumps(config, indent=2, sort_keys=True)
+                write_atomically(path, f"{text}\n".encode())
+                return
         except (OSError, ValueError) as error:
             raise BadInput(f"{path}: can't be used ({error}); choose another directory") from None
-        if _is_fewer(found, config):
-            _write_config(path, config)
-        elif found != config:
-            raise BadInput(f"{self.directory}: holds {_difference(found, config)}; choose another directory")
+        raise BadInput(f"{self.directory}: holds {_difference(found, config)}; choose another directory")
 
     def __enter__(self) -> Store:
         return self
@@ -128,20 +127,13 @@ def _parsed(text: str) -> Any:
         return None
 
 
-def _write_config(path: Path, config: dict[str, Any]) -> None:
-    text = json.dumps(config, indent=2, sort_keys=True)
-    write_atomically(path, f"{text}\n".encode())
-
-
-def _is_fewer(found: Any, asked: dict[str, Any]) -> bool:
-    """Whether what config.json holds is what is asked for, but for fewer of GROWING."""
-    try:
-        own, others = found["options"], asked["options"]
-        counts = {name: others[name] for name in GROWING if name in others}
-        is_same_else = found | {"options": own | counts} == asked
-        return is_same_else and found != asked and all(own[name] <= count for name, count in counts.items())
-    except (KeyError, TypeError):
-        return False
+def _uncounted(config: Any) -> Any:
+    """What a config.json says but for COUNTS."""
+    match config:
+        case {"options": dict() as options}:
+            return {**config, "options": {name: value for name, value in options.items() if name not in COUNTS}}
+        case _:
+            return config
 
 
 def _difference(found: Any, asked: dict[str, Any]) -> str:
@@ -149,13 +141,16 @@ def _difference(found: Any, asked: dict[str, Any]) -> str:
     try:
         if found["study"] != asked["study"]:
             return f"the study {found['study']}, not {asked['study']}"
-        own, others = found["options"], asked["options"]
-        differ = [name for name in others if name not in own or own[name] != others[name]]
-        name = min(differ, key=lambda name: name in GROWING) if differ else min(own.keys() - others.keys())
+        own, others = (_uncounted(config)["options"] for config in (found, asked))
+        name = next(
+            name
+            for name in (*others, *sorted(own))
+            if name not in own.keys() & others.keys() or own[name] != others[name]
+        )
         option = f"--{name.replace('_', '-')}"
         kept, wanted = (f"{option} {each[name]}" if name in each else f"no {option}" for each in (own, others))
         return f"this study with {kept}, not {wanted}"
-    except (KeyError, TypeError, AttributeError, ValueError):
+    except (KeyError, TypeError, AttributeError, StopIteration):
         return "a config.json that is no study's"
 
 

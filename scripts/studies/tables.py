@@ -60,10 +60,10 @@ def _cell(value: object) -> str:
 
 
 def between(row: Row, middle: str, low: str, high: str, form: str, scale: float = 1.0) -> str:
-    """An estimate with its interval, by the names of their columns; without what is not there."""
+    """An estimate with its interval, by the names of their columns: no interval without a low end, ∞ without a high one."""
     words = number(row[middle], form, scale)
-    if words and row[low] is not None and row[high] is not None:
-        words += f" ({number(row[low], form, scale)} to {number(row[high], form, scale)})"
+    if words and row[low] is not None:
+        words += f" ({number(row[low], form, scale)} to {number(row[high], form, scale) or '∞'})"
     return words
 
 

@@ -34,7 +34,7 @@ LEARNED = ("keys", "theta", "mean", "value", "values")
 
 
 class Seeds(NamedTuple):
-    """Which seeds a study uses: trainings and judging never share one, and no study the trees or seeds of another."""
+    """Which seeds a study uses: trainings and judging never share one."""
 
     first_tree: int
     """Demonstration seed of the first tree set."""

@@ -51,7 +51,7 @@ COLUMNS = {
     "thresholds": "the thresholds of the Subsumption that fused the trees",
     "episodes": "episodes over all seeds",
     "success_rate": "goals / episodes",
-    "success_low": "the lower end of its 95 % interval, a bootstrap over the seeds",
+    "success_low": "the lower end of its 95 % interval, a bootstrap over the seeds; ends and p are null with one seed",
     "success_high": "the upper end",
     "cost_per_goal": "steps of all episodes / goals",
     "cost_low": "the lower end of its 95 % interval",

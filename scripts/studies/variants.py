@@ -67,7 +67,7 @@ class Variants(NamedTuple):
     def _trained(self, parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
         tree_set, seed, name = parameters["set"], parameters["seed"], parameters["part"]
         run_seed, episodes = self.seeds.training(seed), parameters["episodes"]
-        fusion = training_of(run_seed, episodes, **self.trained.get(name, {}))
+        fusion = training_of(run_seed, episodes, **({} if name == DEFAULT else self.trained[name]))
         trained = train(fusion, behaviors, loop)
         played = {name: (fusion, trained.policy)}
         if name == DEFAULT:

@@ -36,6 +36,7 @@ from studies.weight_maps import weight_maps
 STUDIES = (ladder, ablation, sensitivity, scaling, paper)
 TRAINING = (ladder, ablation, sensitivity, scaling)
 VARIED = (ablation, sensitivity)
+CHANGES = {variants.as_set(each): each for study in VARIED for each in study.VARIANTS.trained.values()}
 MAX_STEPS = 120
 SMALL = ("--trees", "1", "--seeds", "1", "--max-steps", str(MAX_STEPS))
 TINY = (*SMALL, "--episodes", "6", "--evaluate", "2")
@@ -215,9 +216,7 @@ def test_every_variant_changes_a_parameter_and_each_is_tried_once(study: ModuleT
     assert all(name in ("fbql_play", "fbql_patience", "fbql_play_steps") for each in played.values() for name in each)
 
 
-@pytest.mark.parametrize(
-    "changes", [x for study in VARIED for x in study.VARIANTS.trained.values()], ids=variants.as_set
-)
+@pytest.mark.parametrize("changes", CHANGES.values(), ids=CHANGES)
 def test_every_variant_can_be_trained_and_played(changes: variants.Changes, loop: WorldLoop) -> None:
     fusion = training_of(5, 3, **changes)
     trained = train(fusion, shipped(), loop)
@@ -453,7 +452,7 @@ def test_the_papers_protocol_refuses_numbers_below_1_and_beyond_reason(option: s
             tasks(paper, *SMALL, option, number)
 
 
-def test_the_papers_tree_sets_end_before_those_that_defaults_were_chosen_on() -> None:
+def test_the_papers_tree_sets_end_before_those_of_other_studies() -> None:
     assert (
         min(study.SEEDS.first_tree for study in (sensitivity, ablation, scaling))
         >= paper.FIRST_TREE_SEED + paper.MOST_TREE_SETS

@@ -132,6 +132,12 @@ def test_the_table_counts_teams_against_the_untuned_one() -> None:
     }
 
 
+def test_one_seed_alone_has_no_interval_and_no_p() -> None:
+    rows = leaf_tuning.table({"a": result(100.0, 20)})
+    assert all(row["low"] is row["high"] is row["p"] is None for row in rows)
+    assert not any("(" in cell for told in leaf_tuning.words(rows).values() for line in told.body for cell in line)
+
+
 def test_a_table_of_nothing_is_empty() -> None:
     assert leaf_tuning.table({}) == []
 

@@ -53,7 +53,10 @@ def test_both_objectives_play_the_same_episodes_twice_the_same(monkeypatch: pyte
     assert set(asked) == {(objectives.FIRST_SEED, 3)}
     assert set(result) == {"weighted", "printed"}
     assert result["weighted"]["play"]["fixed"]["steps"] != result["printed"]["play"]["fixed"]["steps"]
-    (told,) = objectives.words(objectives.table({"a": result})).values()
+    rows = objectives.table({"a": result})
+    assert all(row["low"] is row["high"] is row["p"] is None for row in rows), "one seed alone has no interval and no p"
+    (told,) = objectives.words(rows).values()
+    assert not any("(" in cell for line in told.body for cell in line)
     assert "| held out | ball seeking: error [levels] | " in as_markdown(told)
 
 

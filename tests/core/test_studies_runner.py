@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import json
 import os
 import shutil
@@ -18,9 +19,9 @@ import probe_study
 import pytest
 from launcher import experiment
 from launcher.experiment import main
-from studies.store import GROWING, Store, write_failure, write_result
+from studies.store import COUNTS, Store, write_failure, write_result
 from studies.study import MEASURED, STUDIES, Parameters, Table, study_of
-from studies.tables import as_markdown, as_text, rows_as_text
+from studies.tables import as_markdown, as_text, between, rows_as_text
 
 ROOT = Path(__file__).resolve().parents[2]
 PROBE = ("probe", "probe_study")
@@ -175,9 +176,9 @@ def test_a_second_run_into_a_directory_is_refused_while_the_first_goes_on(
 @pytest.mark.parametrize(
     ("config", "says"),
     [
-        ({"options": {"seeds": 3}}, "holds this study with --seeds 3, not --seeds 2;"),
         ({"options": {"seeds": 1, "others": ["wait"]}}, "holds this study with --others ['wait'], not --others [];"),
-        ({"options": {"seeds": "1"}}, "holds this study with --seeds 1, not --seeds 2;"),
+        ({"options": {"seeds": 1, "goals": 5}}, "holds this study with --goals 5, not no --goals;"),
+        ({"else": 1}, "holds a config.json that is no study's;"),
         ({"study": "trees"}, "holds the study trees, not probe;"),
         ({"options": {"seeds": 2, "max_steps": 7}}, "holds this study with --max-steps 7, not no --max-steps;"),
         ([], "holds a config.json that is no study's;"),
@@ -199,25 +200,43 @@ def test_a_directory_of_another_study_or_other_options_is_refused(
     assert captured.out == ""
 
 
-def test_a_study_goes_on_with_more_seeds_and_with_them_only(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_directory_serves_more_seeds_and_fewer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(arguments(tmp_path, "--seeds", "1")) == 0
     assert main(arguments(tmp_path, "--seeds", "3")) == 0
     summary = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert (summary["options"]["seeds"], summary["done"]) == (3, 3)
     assert sorted(probe_study.attempts(tmp_path)) == ["draw0", "draw1", "draw2"]
+    assert main(arguments(tmp_path, "--seeds", "2")) == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out)["table"][0]["n"] == 2
+    assert told.err == "2 of 2 tasks are done already\n"
+    assert len(probe_study.attempts(tmp_path)) == 3
+
+
+def test_a_config_that_cannot_be_written_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(arguments(tmp_path, "--seeds", "1")) == 0
+    capsys.readouterr()
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    monkeypatch.setattr("studies.store.write_atomically", lambda _path, _data: (_ for _ in ()).throw(full))
     assert main(arguments(tmp_path, "--seeds", "2")) == 2
-    assert "holds this study with --seeds 3, not --seeds 2;" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "config.json: can't be used ([Errno 28] No space left on device)" in error
+    assert error.count("\n") == 1
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_no_task_of_more_seeds_and_trees_is_mistaken_for_one_of_fewer(name: str) -> None:
+    if name == "peers":
+        pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
     study = study_of(name)
 
     def tasks(count: int) -> dict[str, Parameters]:
         parser = argparse.ArgumentParser()
         study.add_options(parser)
         options = parser.parse_args([])
-        for option in GROWING:
+        for option in COUNTS:
             if option in vars(options):
                 setattr(options, option, count)
         return {task.key: task.parameters for task in study.tasks(options)}
@@ -225,6 +244,9 @@ def test_no_task_of_more_seeds_and_trees_is_mistaken_for_one_of_fewer(name: str)
     few, many = tasks(2), tasks(3)
     assert all(many.get(key, parameters) == parameters for key, parameters in few.items())
     assert few != many
+    assert name == "paper" or few.keys() & many.keys(), (
+        "nothing that is done would stay"
+    )  # paper plays several seeds a task
 
 
 def test_what_a_stopped_study_leaves_and_another_layout_of_the_options_are_no_other_study(tmp_path: Path) -> None:
@@ -429,3 +451,11 @@ def test_a_cluster_that_ends_ends_the_study_in_one_line_and_it_goes_on_without(t
     assert "Traceback" not in said
     (tmp_path / "gate").touch()
     assert main(arguments(tmp_path, "--seeds", "1", "--others", "wait")) == 0
+
+
+@pytest.mark.parametrize(
+    ("ends", "told"), [((0.1, 0.4), "20 (10 to 40)"), ((0.1, None), "20 (10 to ∞)"), ((None, None), "20")]
+)
+def test_an_interval_is_told_where_there_is_one(ends: tuple[float | None, float | None], told: str) -> None:
+    assert between({"x": 0.2, "low": ends[0], "high": ends[1]}, "x", "low", "high", ".0f", 100.0) == told
+    assert between({"x": None, "low": None, "high": None}, "x", "low", "high", ".0f") == ""
