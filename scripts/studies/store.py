@@ -65,10 +65,12 @@ class Store:
             ) from None
         path = self.directory / "config.json"
         try:
-            found = _parsed(path.read_text()) if path.exists() else config
+            is_new = not path.exists()
+            found = config if is_new else _parsed(path.read_text())
             if _uncounted(found) == _uncounted(config):
-                text = json.dumps(config, indent=2, sort_keys=True)
-                write_atomically(path, f"{text}\n".encode())
+                if is_new or found != config:
+                    text = json.dumps(config, indent=2, sort_keys=True)
+                    write_atomically(path, f"{text}\n".encode())
                 return
         except (OSError, ValueError) as error:
             raise BadInput(f"{path}: can't be used ({error}); choose another directory") from None
