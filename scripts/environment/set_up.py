@@ -172,10 +172,11 @@ class SetUp:
             self.run([python, "-m", "ensurepip"], self.tool_environment(), "ensurepip", step)
         options = ["--disable-pip-version-check", "--no-input", "--no-user", "--retries", "2"]
         options += ["--no-build-isolation", "--use-pep517"]
+        log = self.logs / "install-pip.txt"
+        log.write_bytes(b"")  # what an earlier pip did is not what this one did, and a signal may come before it starts
         try:
             self.run([python, "-m", "pip", "install", *options, *common], self.tool_environment(), "install-pip", step)
         finally:
-            log = self.logs / "install-pip.txt"
             self.has_changed_environment |= PIP_BEGINS in log.read_text(errors="replace")
 
     def uv(self) -> str | None:

@@ -15,6 +15,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import closing, nullcontext
 from time import monotonic, sleep
+from typing import Any
 
 import rclpy
 from fbql_analysis import Message, Run, Topic
@@ -23,7 +24,6 @@ from fbql_common.spin import refuse_security
 from fbql_common.topics import CLOCK
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
@@ -142,7 +142,7 @@ class Stage:
         """Topics that can't be published."""
         for topic in topics:
             try:
-                self._outlets[topic.name] = Outlet(self._node, topic)
+                self._outlets[topic.name] = Outlet(self._node, message_class(topic), topic.name, qos_of(topic))
             except BadInput as error:
                 say(f"left out: {error}")
                 self.left_out.append(topic.name)
@@ -150,9 +150,10 @@ class Stage:
             self.close()
             raise BadInput("none of the topics can be published here")
         self._views = ReplayViews(self._node, run, self.names if views else [])
-        self._clock: Publisher | None = None
+        self._clock: Outlet | None = None
+        """Not among the outlets where it is made here: a recorded /clock is one of them."""
         if clock and CLOCK not in self._outlets:
-            self._clock = self._node.create_publisher(Clock, CLOCK, 10)
+            self._clock = Outlet(self._node, Clock, CLOCK, QoSProfile(depth=_DEPTH))
         self._clock_ns = -1
 
     @property
@@ -186,9 +187,7 @@ class Stage:
         while monotonic() < deadline and not interrupts.came:
             if may_have_twins:
                 self._refuse_twin()
-            clock = [] if self._clock is None else [self._clock]
-            publishers = [*clock, *(outlet.publisher for outlet in self._outlets.values())]
-            if all(publisher.get_subscription_count() for publisher in publishers):
+            if all(outlet.publisher.get_subscription_count() for outlet in self._all()):
                 return
             sleep(_LOOK_S)
 
@@ -203,9 +202,12 @@ class Stage:
     def settle(self) -> int:
         """Waits until everything was acknowledged. Gives how often, up to now, somebody did not in time."""
         deadline_s = monotonic() + _PATIENCE_S
-        for outlet in self._outlets.values():
+        for outlet in self._all():
             outlet.settle(deadline_s)
-        return sum(outlet.late for outlet in self._outlets.values())
+        return sum(outlet.late for outlet in self._all())
+
+    def _all(self) -> list[Outlet]:
+        return [*([] if self._clock is None else [self._clock]), *self._outlets.values()]
 
     def close(self) -> None:
         """Ends the node."""
@@ -214,14 +216,13 @@ class Stage:
 
 
 class Outlet:
-    """One topic that is published. Raises BadInput where it can't be."""
+    """One topic that is published, and waited for: nothing that somebody is to hear falls out of its history."""
 
-    def __init__(self, node: Node, topic: Topic) -> None:
-        qos: QoSProfile = qos_of(topic)
+    def __init__(self, node: Node, message_type: type, name: str, qos: QoSProfile) -> None:
         if qos.durability is DurabilityPolicy.VOLATILE:
             # How many wait to be acknowledged is our business alone: late subscribers get none of them.
             qos.history, qos.depth = HistoryPolicy.KEEP_LAST, _DEPTH
-        self.publisher = node.create_publisher(message_class(topic), topic.name, qos)
+        self.publisher = node.create_publisher(message_type, name, qos)
         self._publish = self.publisher.publish
         # In a full history the next message takes the place of the first. It is when its history is full that Fast DDS
         # asks its readers at once; otherwise it asks every 3 s.
@@ -231,8 +232,8 @@ class Outlet:
         self.late = 0
         """How often a subscriber that is there did not acknowledge in time."""
 
-    def publish(self, data: bytes) -> None:
-        """Publishes recorded bytes as they are."""
+    def publish(self, data: Any) -> None:
+        """Publishes a message, or recorded bytes as they are."""
         if self._depth and self._unacknowledged == self._depth:
             self.settle(monotonic() + _PATIENCE_S)
         self._publish(data)
