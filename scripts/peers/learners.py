@@ -37,8 +37,6 @@ CONTROLLERS: dict[str, tuple[str, Mapping[str, Any]]] = {
     SENSED: ("fbql", SENSED_CRITIC),
 }
 """Method -> its controller, and what is changed of the defaults."""
-STEPS_OF_AN_EPISODE = 500
-"""About what an episode of a training of fbql takes: it is told how long the training will be, as its rate falls."""
 NEED_PPO = (PPO_BLEND, PPO_WHEELS, PPO_SHAPED)
 LEARNERS = (TABULAR, PPO_BLEND, PPO_WHEELS, PPO_SHAPED, *CONTROLLERS)
 
@@ -116,8 +114,7 @@ def _played(
 
 def _session(controller: str, changes: Mapping[str, Any], lesson: Lesson) -> Learned:
     """A controller of fusion: guided episodes first, then it drives and learns; then frozen from its policy."""
-    horizon = max(1, lesson.budget // STEPS_OF_AN_EPISODE)
-    fusion = FusionParameters(controller=controller, seed=lesson.training_seed, fbql_horizon=horizon, **changes)
+    fusion = FusionParameters(controller=controller, seed=lesson.training_seed, **changes)
     session = Session(fusion)
     loop, course = WorldLoop(), Course(lesson.budget)
 

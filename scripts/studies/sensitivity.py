@@ -35,7 +35,6 @@ VARIANTS = Variants(
             **_series("critic's rate {}", "fbql_value_rate", 0.01, 0.03, 0.1),
             **_series("clip {}", "fbql_clip", 0.2, 0.4, 1.0),
             **_series("collision {}", "fbql_reward_collision", 0.0, -0.2, -5.0),
-            **_series("entropy {}", "fbql_entropy", 0.0, 0.0005, 0.003),
             **_series("discount {}", "fbql_discount", 0.99, 0.998, 1.0),
             "paper's guide": {"preset": "paper"},
             "paper's guide, failures imitated": {"preset": "paper", "fbql_imitate_failures": True},

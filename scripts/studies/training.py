@@ -29,7 +29,7 @@ SENSED = "fbql, sensed critic"
 """fbql whose critic, too, knows only what the behaviors sense."""
 SENSED_CRITIC: Mapping[str, Any] = {"fbql_world_tilings": 0}
 """The parameters that make it."""
-LEARNED = ("keys", "theta", "mean", "value", "values")
+LEARNED = ("keys", "theta", "value", "values")
 """What of a policy grows with what was visited."""
 
 
@@ -105,7 +105,7 @@ class Trained(NamedTuple):
 
 def training_of(seed: int, episodes: int, learner: str = LEARNERS[0], **changes: Any) -> FusionParameters:
     """The parameters of a learner's training over so many episodes after the guided ones."""
-    given = {"controller": learner, "guided": GUIDED_EPISODES, f"{learner}_horizon": episodes, **changes}
+    given = {"controller": learner, "guided": GUIDED_EPISODES, **changes}
     return FusionParameters(seed=seed, episodes=episodes, **given)
 
 

@@ -105,7 +105,7 @@ def drivers_of(policy: Policy, **said: float) -> list[int]:
 
 def test_no_weight_depends_on_the_world_state() -> None:
     """Rows of theta that belong to what V is told stay 0, and frozen play is the same wherever the ball is said to be."""
-    session = Session(parameters(seed=1, own_horizon=60))
+    session = Session(parameters(seed=1))
     play(session, 59)
     arrays = arrays_of(session)
     rows = arrays["waiting_active"]
@@ -126,7 +126,7 @@ def test_no_weight_depends_on_the_world_state() -> None:
 def test_what_is_kept_of_a_decision_is_what_was_told_then(mirror: bool) -> None:
     """The keys of waiting episodes' last columns are those of the world states that were decided in, in the mirror's
     way where there is one."""
-    session = Session(parameters(seed=1, own_horizon=60, fbql_mirror=mirror))
+    session = Session(parameters(seed=1, fbql_mirror=mirror))
     play(session, 60)
     heard: list[World] = []
 

@@ -38,7 +38,6 @@ def parameters(learner: str = "fbql", **changes: object) -> FusionParameters:
         "fbql_mirror": False,
         "own_hold_steps": 3,
         "own_play_steps": 3,
-        "own_horizon": 300,
     }
     given = {re.sub(r"^own_", f"{learner}_", name): value for name, value in (values | changes).items()}
     return FusionParameters(**given)  # pyright: ignore[reportArgumentType]

@@ -19,7 +19,7 @@ from launcher.in_process import play
 
 TREES = ROOT / "ros2_ws/src/fbql_behaviors/trees"
 POLICY = ROOT / "ros2_ws/src/fbql_fusion/policies/fbql.npz"
-TRAINING = ("--policy", "none", "--seed", "1", "--episodes", "6000", "--set", "fbql_horizon=6000")
+TRAINING = ("--policy", "none", "--seed", "1", "--episodes", "6000")
 """As the package's README says it."""
 SEED = 2000
 """A run seed that neither training nor tuning used."""

@@ -19,9 +19,9 @@ from fbql_fusion.core.experience import Batch, Episode
 from fbql_fusion.core.generator_state import generator_state, set_generator_state
 from fbql_fusion.core.held_decisions import HeldDecisions, Holding, Judgement
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.policy_arrays import CAPACITY, MEAN_UPDATES, check_arrays, grown, mean_with, padded
+from fbql_fusion.core.policy_arrays import CAPACITY, check_arrays, grown, padded
 
-_ALWAYS = {"counts": ("i", (3,)), "generator": ("u", (6,))}
+_ALWAYS = {"counts": ("i", (2,)), "generator": ("u", (6,))}
 """Kind and shape of the arrays that every policy has."""
 
 
@@ -44,17 +44,11 @@ class Fbql(HeldDecisions):
         n = self._behaviors
         self._theta = np.zeros((CAPACITY, n))
         self._value = np.zeros(CAPACITY)
-        self._mean = np.zeros((0, n))
-        self._updates = self._averaged = 0
-        self._table = self._theta
-        """Theta, or its mean where nothing is learned."""
-
-    def _prepare(self, frozen: bool) -> None:
-        self._table = self._mean if frozen and self._averaged else self._theta
+        self._updates = 0
 
     def _judge(self, active: Sequence[int]) -> Judgement:
         """Eq. 10."""
-        return eq.softmax(eq.preferences(self._table, active)), ()
+        return eq.softmax(eq.preferences(self._theta, active)), ()
 
     def _learn_waiting(self) -> None:
         if self._waiting[-1].guided:
@@ -95,7 +89,6 @@ class Fbql(HeldDecisions):
         batch = self._batch(self._waiting)
         self._waiting = []
         advantage = eq.normalised_advantages(batch.advantages)
-        rate = parameters.fbql_rate * min(1.0, max(0.1, 2.0 * (1.0 - self._episodes / parameters.fbql_horizon)))
         for _ in range(parameters.fbql_passes):
             gone = eq.divergence(eq.weights_of(self._theta, batch.active), batch.driver, batch.chance)
             for some in batch.minibatches(parameters.fbql_minibatch, self._generator):
@@ -107,13 +100,10 @@ class Fbql(HeldDecisions):
                         batch.chance[some],
                         advantage[some],
                         parameters.fbql_clip,
-                        parameters.fbql_entropy,
                     )
-                    eq.add_shared(self._theta, active, step, rate)
+                    eq.add_shared(self._theta, active, step, parameters.fbql_rate)
                 self._learn_value(batch.valued[some], batch.returns[some])
         self._updates += 1
-        if 3 * self._episodes >= 2 * parameters.fbql_horizon:
-            self._average()
 
     def _learn_value(self, valued: NDArray[np.int64], returns: eq.Floats) -> None:
         """Eq. 15."""
@@ -131,29 +121,23 @@ class Fbql(HeldDecisions):
         self._theta = grown(self._theta, len(self))
         self._value = grown(self._value, len(self))
 
-    def _average(self) -> None:
-        """The mean of theta over the last updates, which is what plays when nothing is learned."""
-        self._averaged = min(self._averaged + 1, MEAN_UPDATES)
-        self._mean = mean_with(self._mean, self._theta[: len(self)], self._averaged)
-
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Everything learned, and what an exact continuation takes: the generator, and the episodes that wait.
 
-        theta and mean float64 [m, n], value float64 [m] (m features), counts int64 [3] (episodes, updates, updates in
-        the mean), generator uint64 [6]; of the features see `Features.to_arrays`, of the episodes `experience`.
-        As long as there are no features, only counts and generator are there: guided episodes that wait for the end of
-        guidance are not kept, nor the first ones where none is guided.
+        theta float64 [m, n], value float64 [m] (m features), counts int64 [2] (episodes, updates), generator uint64 [6]; of
+        the features see `Features.to_arrays`, of the episodes `experience`. As long as there are no features, only counts
+        and generator are there: guided episodes that wait for the end of guidance are not kept, nor the first ones where
+        none is guided.
         """
         arrays: dict[str, NDArray[Any]] = {
-            "counts": np.array([self._episodes, self._updates, self._averaged], dtype=np.int64),
+            "counts": np.array([self._episodes, self._updates], dtype=np.int64),
             "generator": generator_state(self._generator),
         }
         if self._features is None:
             return arrays
         self._make_room()
         m = len(self)
-        mean = padded(self._mean, m)
-        arrays |= {"theta": self._theta[:m].copy(), "mean": mean, "value": self._value[:m].copy()}
+        arrays |= {"theta": self._theta[:m].copy(), "value": self._value[:m].copy()}
         return arrays | self._features.to_arrays() | Batch.to_arrays(self._waiting)
 
     def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -161,13 +145,12 @@ class Fbql(HeldDecisions):
         n = self._behaviors
         check_arrays(arrays, _ALWAYS)
         counts: list[int] = arrays["counts"].tolist()
-        self._episodes, self._updates, self._averaged = counts
-        if not 0 <= self._averaged <= min(self._updates, MEAN_UPDATES) or self._updates > self._episodes:
+        self._episodes, self._updates = counts
+        if not 0 <= self._updates <= self._episodes:
             raise BadInput(f"the policy's array 'counts' is {counts}, which can't be")
         set_generator_state(self._generator, arrays["generator"])
         if arrays.keys() > _ALWAYS.keys() or self._updates:
-            features = self._load_features(arrays, {"theta": (n,), "mean": (n,), "value": ()})
+            features = self._load_features(arrays, {"theta": (n,), "value": ()})
             self._waiting = Batch.from_arrays(arrays, features, n)
             self._theta = padded(arrays["theta"], max(len(features), CAPACITY))
             self._value = padded(arrays["value"], max(len(features), CAPACITY))
-            self._mean = arrays["mean"].copy()

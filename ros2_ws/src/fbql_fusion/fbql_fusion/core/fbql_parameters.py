@@ -56,7 +56,6 @@ class FbqlParameters:
         0.03, "beta of eq. 15, shared by all features that the critic goes by", low=0.0, high=2.0
     )
     fbql_clip: float = parameter(0.4, "change of a weight, in shares of it, beyond which eq. 14 leaves it", low=0.0)
-    fbql_entropy: float = parameter(0.0005, "worth of undecided weights in eq. 14", low=0.0, high=10.0)
     fbql_batch_episodes: int = parameter(
         20, "episodes learned from at a time, later on; it begins with 3", low=1, high=1000
     )
@@ -68,11 +67,4 @@ class FbqlParameters:
     fbql_minibatch: int = parameter(128, "decisions that are learned from at once", low=1, high=100_000)
     fbql_divergence: float = parameter(
         0.05, "mean divergence of a batch's weights after which the passes leave them alone", low=0.0
-    )
-    fbql_horizon: int = parameter(
-        3000,
-        "episodes of a training: after half of it alpha falls, linearly to a tenth; the weights that are played are "
-        "the mean of the last third",
-        low=1,
-        high=10_000_000,
     )

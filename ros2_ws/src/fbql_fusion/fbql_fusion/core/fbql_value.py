@@ -19,10 +19,10 @@ from fbql_fusion.core.experience import Batch, Episode, minibatches
 from fbql_fusion.core.generator_state import generator_state, set_generator_state
 from fbql_fusion.core.held_decisions import HeldDecisions, Holding, Judgement
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.policy_arrays import CAPACITY, MEAN_UPDATES, check_arrays, grown, mean_with, padded
+from fbql_fusion.core.policy_arrays import CAPACITY, check_arrays, grown, padded
 from fbql_fusion.core.policy_gradient import Floats, preferences
 
-_ALWAYS = {"counts": ("i", (3,)), "generator": ("u", (6,))}
+_ALWAYS = {"counts": ("i", (2,)), "generator": ("u", (6,))}
 """Kind and shape of the arrays that every policy has."""
 
 
@@ -57,18 +57,17 @@ class FbqlValue(HeldDecisions):
         super().__init__(parameters, holding, generator)
         self._values = np.zeros((CAPACITY, self._behaviors + 1))
         """theta and U, see `value_equations`."""
-        self._mean = np.zeros((0, self._behaviors + 1))
-        self._updates = self._averaged = 0
-        self._table = self._values
-        """The values, or their mean where nothing is learned."""
-        self._temperature = parameters.fbql_value_temperature_first
-        self._exploration = parameters.fbql_value_exploration_first
+        self._updates = 0
 
-    def _prepare(self, frozen: bool) -> None:
+    @property
+    def _temperature(self) -> float:
         p = self._parameters
-        self._table = self._mean if frozen and self._averaged else self._values
-        self._temperature = self._fallen(p.fbql_value_temperature_first, p.fbql_value_temperature_last)
-        self._exploration = self._fallen(p.fbql_value_exploration_first, p.fbql_value_exploration_last)
+        return self._fallen(p.fbql_value_temperature_first, p.fbql_value_temperature_last)
+
+    @property
+    def _exploration(self) -> float:
+        p = self._parameters
+        return self._fallen(p.fbql_value_exploration_first, p.fbql_value_exploration_last)
 
     def _fallen(self, first: float, last: float) -> float:
         """Eq. 18."""
@@ -76,7 +75,7 @@ class FbqlValue(HeldDecisions):
 
     def _judge(self, active: Sequence[int]) -> Judgement:
         """Eqs. 16 and 17."""
-        *theta, shared = preferences(self._table, active)
+        *theta, shared = preferences(self._values, active)
         weights = eq.soft_weights(theta, self._temperature, self._exploration)
         return weights, eq.values_of(theta, shared, weights)
 
@@ -110,9 +109,6 @@ class FbqlValue(HeldDecisions):
                     p.fbql_value_shared_rate,
                 )
         self._updates += 1
-        if 3 * self._episodes >= 2 * p.fbql_value_horizon:
-            self._averaged = min(self._averaged + 1, MEAN_UPDATES)
-            self._mean = mean_with(self._mean, self._values[: len(self)], self._averaged)
 
     def _lesson(self, episode: Episode) -> Lesson:
         """Eqs. 19 and 20 by the values as they are now."""
@@ -131,32 +127,30 @@ class FbqlValue(HeldDecisions):
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Everything learned, and what an exact continuation takes: the generator, and the episodes that wait.
 
-        values and mean float64 [m, n + 1] (m features), counts int64 [3] (episodes, updates, updates in the mean),
-        generator uint64 [6]; of the features see `Features.to_arrays`, of the episodes `experience`. As long as there are
-        no features, only counts and generator are there: the first episodes, guided or not, are not kept.
+        values float64 [m, n + 1] (m features), counts int64 [2] (episodes, updates), generator uint64 [6]; of the features
+        see `Features.to_arrays`, of the episodes `experience`. As long as there are no features, only counts and generator
+        are there: the first episodes, guided or not, are not kept.
         """
         arrays: dict[str, NDArray[Any]] = {
-            "counts": np.array([self._episodes, self._updates, self._averaged], dtype=np.int64),
+            "counts": np.array([self._episodes, self._updates], dtype=np.int64),
             "generator": generator_state(self._generator),
         }
         if self._features is None:
             return arrays
         m = len(self)
         self._values = grown(self._values, m)
-        arrays |= {"values": self._values[:m].copy(), "mean": padded(self._mean, m)}
+        arrays["values"] = self._values[:m].copy()
         return arrays | self._features.to_arrays() | Batch.to_arrays(self._waiting)
 
     def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Takes over what `to_arrays` gave. Raises BadInput."""
-        columns = (self._behaviors + 1,)
         check_arrays(arrays, _ALWAYS)
         counts: list[int] = arrays["counts"].tolist()
-        self._episodes, self._updates, self._averaged = counts
-        if not 0 <= self._averaged <= min(self._updates, MEAN_UPDATES) or self._episodes < 0:
+        self._episodes, self._updates = counts
+        if min(counts) < 0:
             raise BadInput(f"the policy's array 'counts' is {counts}, which can't be")
         set_generator_state(self._generator, arrays["generator"])
         if arrays.keys() > _ALWAYS.keys() or self._updates:
-            features = self._load_features(arrays, {"values": columns, "mean": columns})
+            features = self._load_features(arrays, {"values": (self._behaviors + 1,)})
             self._waiting = Batch.from_arrays(arrays, features, self._behaviors)
             self._values = padded(arrays["values"], max(len(features), CAPACITY))
-            self._mean = arrays["mean"].copy()

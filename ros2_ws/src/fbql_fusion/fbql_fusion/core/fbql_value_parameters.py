@@ -55,9 +55,3 @@ class FbqlValueParameters:
     )
     fbql_value_passes: int = parameter(8, "passes of fbql_value over a batch", low=1, high=100)
     fbql_value_minibatch: int = parameter(128, "decisions that fbql_value learns from at once", low=1, high=100_000)
-    fbql_value_horizon: int = parameter(
-        3000,
-        "episodes of a training: the values that are played are the mean of those in its last third",
-        low=1,
-        high=10_000_000,
-    )

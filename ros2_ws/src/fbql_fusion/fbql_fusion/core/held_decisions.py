@@ -96,10 +96,6 @@ class HeldDecisions(ABC):
         return 0 if self._features is None else len(self._features)
 
     @abstractmethod
-    def _prepare(self, frozen: bool) -> None:
-        """An episode begins: what `_judge` needs is made ready. `frozen`: nothing is learned in it."""
-
-    @abstractmethod
     def _judge(self, active: Sequence[int]) -> Judgement:
         """Weights and Q of a situation with these active features; none are known yet where it is empty."""
 
@@ -123,7 +119,6 @@ class HeldDecisions(ABC):
         self._linked = True
         self._held_for = 0
         self._visits.clear()
-        self._prepare(phase is Phase.EVALUATION)
 
     def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
         """The held behavior alone, or, when its steps are over, the one that is decided on now."""

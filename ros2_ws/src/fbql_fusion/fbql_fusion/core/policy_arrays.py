@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 CAPACITY = 1 << 14
 """Rows that a table has at first."""
-MEAN_UPDATES = 50
-"""The mean that is played goes over about so many updates."""
 _TYPES = {"i": np.int64, "u": np.uint64, "f": np.float64, "b": np.bool_}
 
 
@@ -63,11 +61,4 @@ def padded(table: NDArray[np.float64], rows: int) -> NDArray[np.float64]:
     """A copy with so many rows, at least as many as there are; those added are zeros."""
     longer = np.zeros((rows, *table.shape[1:]))
     longer[: len(table)] = table
-    return longer
-
-
-def mean_with(mean: NDArray[np.float64], table: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """The mean of `count` tables: `mean` is that of the others, and may have fewer rows than `table`, the last one."""
-    longer = padded(mean, len(table))
-    longer += (table - longer) / count
     return longer

@@ -94,9 +94,7 @@ def guided_step(weights: Floats, driver: NDArray[np.int64]) -> Floats:
     return step
 
 
-def clipped_step(
-    weights: Floats, drawn: NDArray[np.int64], chance: Floats, advantage: Floats, clip: float, entropy: float
-) -> Floats:
+def clipped_step(weights: Floats, drawn: NDArray[np.int64], chance: Floats, advantage: Floats, clip: float) -> Floats:
     """Eq. 14: A rho (1[i = drawn] - w_i), and 0 where rho left [1 - clip, 1 + clip] in the direction of A.
 
     Args:
@@ -104,19 +102,13 @@ def clipped_step(
         drawn: the behavior that drove, [N].
         chance: the weight by which it was drawn then, [N]; rho = w_drawn / chance.
         advantage: A, normalised, [N].
-        entropy: how much of the gradient of w's entropy is added.
 
     Returns:
         The step of the preferences, [N, n].
     """
     rho = weights[np.arange(len(weights)), drawn] / chance
     done = ((advantage > 0.0) & (rho > 1.0 + clip)) | ((advantage < 0.0) & (rho < 1.0 - clip))
-    step = np.where(done, 0.0, advantage * rho)[:, None] * guided_step(weights, drawn)
-    if entropy:
-        logs = np.log(weights + _TINY)
-        mean = (weights * logs).sum(axis=1, keepdims=True)
-        step -= entropy * weights * (logs - mean)
-    return step
+    return np.where(done, 0.0, advantage * rho)[:, None] * guided_step(weights, drawn)
 
 
 def divergence(weights: Floats, drawn: NDArray[np.int64], chance: Floats) -> float:
