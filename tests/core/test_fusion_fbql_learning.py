@@ -36,7 +36,6 @@ from held_learners import (
     stay,
     trained,
 )
-from numpy.typing import NDArray
 from two_sides import BEHAVIORS, DOWN, UP, Answers, TwoSides, answer, goals, parameters, play, world_state
 
 SEEDS = pytest.mark.parametrize("seed", [1, 2, 3])
