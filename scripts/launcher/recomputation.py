@@ -60,10 +60,6 @@ class Retold:
             self._under_way = None
 
 
-_BEFORE: dict[str, Any] = {"fbql_world_tilings": 0}
-"""Parameters that earlier recordings of fbql lack -> the value that does what was done before there were such."""
-
-
 def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
     """The parameters of fusion that were in force, and what of them this release has otherwise, in words.
 
@@ -77,12 +73,11 @@ def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
         )
     ours = [field.name for field in fields(FusionParameters)]
     others = {field.name for field in fields(FusionNodeParameters)}
-    before = _BEFORE if found.get("controller") == "fbql" else {}
-    lacking = [name for name in ours if name not in {*found, *before}]
+    lacking = [name for name in ours if name not in found]
     unknown = [name for name in found if name not in {*ours, *others}]
     notes = [f"not in the recording, their defaults are taken: {', '.join(lacking)}"] if lacking else []
     notes += [f"parameters of the recording that are unknown here: {', '.join(unknown)}"] if unknown else []
-    values = before | {name: found[name] for name in ours if name in found}
+    values = {name: found[name] for name in ours if name in found}
     return from_mapping(FusionParameters, values, f"{run.path}: config.yaml"), notes
 
 

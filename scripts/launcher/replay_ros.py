@@ -151,7 +151,7 @@ class Stage:
             raise BadInput("none of the topics can be published here")
         self._views = ReplayViews(self._node, run, self.names if views else [])
         self._clock: Outlet | None = None
-        """Not among the outlets where it is made here: a recorded /clock is one of them."""
+        """Where /clock was not recorded; a recorded one is among the outlets."""
         if clock and CLOCK not in self._outlets:
             self._clock = Outlet(self._node, Clock, CLOCK, QoSProfile(depth=_DEPTH))
         self._clock_ns = -1
@@ -216,7 +216,8 @@ class Stage:
 
 
 class Outlet:
-    """One topic that is published, and waited for: nothing that somebody is to hear falls out of its history."""
+    """One topic that is published. Where it is reliable and its history bounded, it waits for its subscribers to
+    acknowledge what would fall out of it next."""
 
     def __init__(self, node: Node, message_type: type, name: str, qos: QoSProfile) -> None:
         if qos.durability is DurabilityPolicy.VOLATILE:

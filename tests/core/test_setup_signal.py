@@ -8,12 +8,13 @@ from typing import Never
 import pytest
 from environment import set_up
 from environment.progress import Step
-from environment.set_up import SetUp
+from environment.set_up import PIP_BEGINS, SetUp
 from setup_target import made_target
 
 
-def test_a_signal_before_the_installer_starts_is_not_taken_for_a_missing_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("earlier", [None, PIP_BEGINS])
+def test_a_signal_before_the_installer_starts_is_no_missing_log_and_no_earlier_installation(
+    earlier: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     target = made_target(tmp_path)
     (target.site_packages / "pip").mkdir(parents=True)
@@ -24,6 +25,8 @@ def test_a_signal_before_the_installer_starts_is_not_taken_for_a_missing_log(
 
     monkeypatch.setattr(set_up, "run", end)
     work = SetUp(target, "run", {"PATH": ""}, lock=-1)
+    if earlier is not None:
+        (work.logs / "install-pip.txt").write_text(earlier)
     with pytest.raises(SystemExit, match="129"):
         work.install_from(target.run_lock, Step(1, 1, "installing"))
     assert not work.has_changed_environment

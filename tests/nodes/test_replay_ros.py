@@ -10,7 +10,7 @@ import signal
 import struct
 import subprocess
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import monotonic
@@ -22,6 +22,7 @@ from fbql_fusion.bag_metadata import Qos
 from fbql_sim.views import markers_msg, pose_msgs
 from launcher.interrupts import NUMBERS
 from launcher.replay import main
+from launcher.replay_ros import Outlet
 from launcher.replay_views import ReplayViews
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
@@ -125,6 +126,22 @@ def test_a_subscriber_hears_every_message_in_order_and_to_the_byte(recorded, lis
     said = capfd.readouterr().err
     assert f"replayed {sum(counts.values())} messages" in said
     assert "left out" not in said
+
+
+def test_the_time_waits_for_its_subscribers_as_a_topic_does(recorded, monkeypatch):
+    """Whenever its history is full, and in the end."""
+    asked: Counter[str] = Counter()
+    settle = Outlet.settle
+
+    def counted(outlet: Outlet, deadline_s: float) -> None:
+        asked[outlet.publisher.topic_name] += 1
+        settle(outlet, deadline_s)
+
+    monkeypatch.setattr(Outlet, "settle", counted)
+    assert main([str(recorded), "--rate", "0", "--wait", "0"]) == 0
+    steps = len(stamps_of(recorded))
+    assert steps > 60
+    assert asked["/clock"] == asked["/world"] == (steps - 1) // 20 + 1
 
 
 def test_json_tells_what_was_replayed_and_nothing_else_on_stdout(recorded, capfd, tmp_path):

@@ -23,9 +23,8 @@ from fbql_common.wire import (
     encode_output,
     encode_world,
 )
-from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters
+from fbql_fusion.core.parameters import CONTROLLERS
 from launcher.interrupts import NUMBERS
-from launcher.recomputation import recorded_parameters
 from launcher.replay import main
 from recorded_match import ROOT, TREES, digest_of, record_match
 from rewritten_run import rewrite
@@ -301,21 +300,6 @@ def test_damage_is_one_line_with_the_chunk(recorded, tmp_path, capsys):
 def test_options_that_do_not_go_together_are_one_line(recorded, capsys, options, says):
     assert main([str(recorded), *options]) == 2
     assert says in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("controller", ["fbql", "subsumption"])
-def test_a_recording_from_before_the_informed_critic_is_computed_without_one(recorded, tmp_path, controller):
-    source = rewrite(recorded, tmp_path / "source", lambda message: message.data, leave_out=("config.yaml",))
-    config = yaml.safe_load((source / "config.yaml").read_text())
-    del config["parameters"]["fusion"]["fbql_world_tilings"]
-    config["parameters"]["fusion"]["controller"] = controller
-    (source / "config.yaml").write_text(yaml.safe_dump(config))
-    parameters, notes = recorded_parameters(open_run(source))
-    if controller == "fbql":
-        assert (parameters.fbql_world_tilings, notes) == (0, [])
-    else:
-        assert parameters.fbql_world_tilings == FusionParameters().fbql_world_tilings
-        assert notes == ["not in the recording, their defaults are taken: fbql_world_tilings"]
 
 
 def test_another_version_is_named_beside_a_difference(recorded, tmp_path, capsys):

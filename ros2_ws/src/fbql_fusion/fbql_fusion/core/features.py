@@ -276,18 +276,9 @@ class Features:
 
 
 def _check_resolution(arrays: Mapping[str, NDArray[Any]], asked: Resolution) -> None:
-    """Raises BadInput where features were made with another resolution than the parameters'.
-
-    Earlier policies do not say all of it: those of five numbers are from before V was told anything. Whether there was a
-    mirror shows in what it made signed; where that is nothing, it matters only for tiles that V was told.
-    """
-    missing = len(asked) - rows_of(arrays, "resolution")
-    told_by_v = missing == 1 and asked.world_tilings > 0
-    later = [0, int(arrays["signed"].any() or (asked.mirror and not told_by_v))]
-    told = len(asked) - missing if 0 < missing <= len(later) else len(asked)
-    check_arrays(arrays, {"resolution": ("i", (told,))})
-    learned = arrays["resolution"].tolist() + later[len(later) - missing :]
-    for name, found, given in zip(Resolution._fields, learned, asked, strict=True):
+    """Raises BadInput where features were made with another resolution than the parameters'."""
+    check_arrays(arrays, {"resolution": ("i", (len(asked),))})
+    for name, found, given in zip(Resolution._fields, arrays["resolution"].tolist(), asked, strict=True):
         if found != given:
             said = bool(found) if isinstance(given, bool) and found in (0, 1) else found
             raise BadInput(
