@@ -31,6 +31,8 @@ CURVES = "curves.json"
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#888888"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY, BLACK, GREY)
+BEHAVIORS = (ORANGE, SKY, PURPLE, GREEN, VERMILLION, BLUE, BLACK, GREY)
+"""One a behavior; the first three as in the picture of an episode (docs/pictures/episode.py)."""
 COLOURS = {
     "fbql": BLUE,
     SENSED: SKY,
@@ -207,7 +209,9 @@ def maps_figure(numbers: Mapping[str, Any]) -> Figure:
         row[0].set_ylabel(f"{learner}\nrobot y [m]")
     for axis in axes[-1]:
         axis.set_xlabel("robot x [m]")
-    handles = [Patch(color=colour, label=name.replace("_", " ")) for name, colour in zip(names, SERIES, strict=False)]
+    handles = [
+        Patch(color=colour, label=name.replace("_", " ")) for name, colour in zip(names, BEHAVIORS, strict=False)
+    ]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(names), frameon=False)
     return figure
 
@@ -236,7 +240,7 @@ def _blended(weights: NDArray[np.float64]) -> NDArray[np.float64]:
         weights: [rows, columns, n].
     """
     n = weights.shape[2]
-    colours = np.array([to_rgb(colour) for colour in SERIES[:n]])
+    colours = np.array([to_rgb(colour) for colour in BEHAVIORS[:n]])
     strength = np.clip((weights.max(axis=2) - 1.0 / n) / (1.0 - 1.0 / n), 0.0, 1.0)[:, :, None]
     return 1.0 - strength * (1.0 - colours[weights.argmax(axis=2)])
 

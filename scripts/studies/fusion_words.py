@@ -71,7 +71,6 @@ COLUMNS = {
     "trainings": "trainings that the means are over",
     "training_steps": "simulated steps of a training, mean; without guided episodes in the ladder, with them among the peers",
     "training_s": "seconds of a training, mean",
-    "training_seconds": "seconds of a training, mean",
     "behaviors": "how many behaviors are fused",
     "table_bytes": "bytes that a table of Q and w over leaf_product would take",
     "note": "how what was learned is played, or why it was not",
@@ -183,7 +182,7 @@ def peers_tables(rows: Sequence[Row]) -> dict[str, Table]:
             between(row, "cost_per_goal", "cost_low", "cost_high", ".0f"),
             number(row["collision_steps_per_goal"], ".0f"),
             _compared(row, "retuned"),
-            number(row["training_seconds"], ".0f"),
+            number(row["training_s"], ".0f"),
             row["note"],
         ]
         if row["runs"]

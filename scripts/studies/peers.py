@@ -144,7 +144,7 @@ def table(results: Mapping[str, Result]) -> list[Row]:
         {
             **method_row(method, runs, {"retuned": RETUNED, "paper": PAPER}),
             "training_steps": mean_of([each["training_steps"] for each in by_run.values()]),
-            "training_seconds": mean_of(seconds.get(method, [])),
+            "training_s": mean_of(seconds.get(method, [])),
             "note": ", ".join(sorted({each["played"] for each in by_run.values() if "played" in each})),
         }
         for method, by_run in runs.items()

@@ -105,7 +105,7 @@ def test_the_table_pairs_every_method_with_subsumption_on_the_same_episodes() ->
     assert (found["success_rate"], found["cost_per_goal"]) == (1.0, 2000.0)
     assert found["ratio_retuned"] == pytest.approx(2000 / (18_001 / 18))
     assert (found["collisions_begun_per_goal"], found["collision_steps_per_goal"]) == (0.5, 5.0)
-    assert (found["training_steps"], found["training_seconds"], found["note"]) == (1000.0, 10.5, "greedy")
+    assert (found["training_steps"], found["training_s"], found["note"]) == (1000.0, 10.5, "greedy")
 
 
 @pytest.mark.parametrize("installed", [True], indirect=True)
