@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from launcher.counted import counted, percent
+
 
 def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float) -> str:
     """The summary as a newcomer reads it.
@@ -16,7 +18,7 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float) -> str:
         dt_s: simulated time of one step [s].
     """
     episodes, goals, rate = summary["episodes"], summary["goals"], summary["success_rate"]
-    success = "" if rate is None else f", success rate {100 * rate:.0f} %"
+    success = "" if rate is None else f", success rate {percent(rate)}"
     mean, cost = summary["mean_steps_per_goal"], summary["cost_per_goal"]
     took = "no goal" if mean is None else f"steps on average, {mean * dt_s:.1f} s of play"
     cost_text = "no goal" if cost is None else "steps of all episodes, for each goal"
@@ -35,17 +37,13 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float) -> str:
     ]
     if summary["incomplete"]:
         rows.append(("", "NOT WHOLE", f"something could not be kept: see {run / 'log'}"))
-    title = f"{summary['controller']}, seed {summary['seed']}: {_count(goals, 'goal')} in {_count(episodes, 'episode')}{success}"
+    title = f"{summary['controller']}, seed {summary['seed']}: {counted(goals, 'goal')} in {counted(episodes, 'episode')}{success}"
     lines = [f"  {name:<11} {value!s:>9}  {meaning}".rstrip() for name, value, meaning in rows]
     return "\n".join(["", title, "", *lines])
 
 
 def _number(value: float | None) -> str:
     return "n/a" if value is None else f"{value:.0f}"
-
-
-def _count(number: int, thing: str) -> str:
-    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
 
 
 def _pace(summary: Mapping[str, Any], dt_s: float) -> str:

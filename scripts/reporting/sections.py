@@ -10,6 +10,7 @@ from fbql_analysis import Episode, Run
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping
 from fbql_fusion.core.parameters import FusionParameters
+from launcher.counted import percent
 
 from reporting.contents import UNIT, Contents, counted
 from reporting.meanings import CONTROLLERS, FEATURES
@@ -33,7 +34,7 @@ def tiles(contents: Contents) -> str:
 
     values = [
         ("episodes", f"{len(episodes)}", f"and {guided} guided, not counted" if guided else ""),
-        ("goals", number("goal"), f"{100 * goals / len(episodes):.0f} % of the episodes" if known else ""),
+        ("goals", number("goal"), f"{percent(goals / len(episodes))} of the episodes" if known else ""),
         ("own goals", number("own_goal"), ""),
         ("time limits", number("timeout"), ""),
         ("steps a goal", f"{steps / goals:.0f}" if goals else NOT_AVAILABLE, "of all episodes"),
