@@ -14,7 +14,7 @@ from launcher.domains import domain_from
 from launcher.graph import Mode
 from launcher.in_process import rehearse
 from launcher.interrupts import Interrupted, Interrupts
-from launcher.options import Match, Parser, make_run_directory, match_from, match_parser, same_behaviors
+from launcher.options import Match, Parser, make_run_directory, match_from, match_parser, policy_told, same_team
 from launcher.panel import Panel, print_result
 from launcher.result import next_steps, summary_text
 from launcher.supervision import BAD_INPUT, FAILED, INCOMPLETE, Supervision
@@ -120,7 +120,8 @@ def _tell(match: Match, code: int, panel: Panel, interrupts: Interrupts) -> int:
     if interrupts.came:
         panel.say(f"ended by {interrupts.name}; what was played until then is complete")
     summary = json.loads(path.read_text())
-    text = f"{summary_text(summary, run, match.simulation.dt_s)}\n{next_steps(summary, run, same_behaviors(match))}"
+    told = summary_text(summary, run, match.simulation.dt_s, policy_told(match))
+    text = f"{told}\n{next_steps(summary, run, same_team(match), match.fusion.learn)}"
     try:
         print_result(json.dumps(summary) if match.json else text)
     except OSError as error:

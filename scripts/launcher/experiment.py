@@ -86,8 +86,8 @@ def _parser() -> Parser:
         own.add_argument(
             "--scheduler",
             metavar="ADDRESS",
-            help="run on the Dask cluster of this scheduler instead, whose workers are started in this project's "
-            "environment with scripts/ on PYTHONPATH",
+            help="run on the Dask cluster of this scheduler instead (docs/studies.md says how to start one: scheduler and "
+            "workers need this project's environment)",
         )
         own.add_argument(
             "--out",
@@ -117,10 +117,8 @@ def _run(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrup
         left_s = (monotonic() - begun_s) / count * (len(waiting) - count)
         if not ended.failure:
             store.add_revision(revision)
-        state = f"FAILED: {ended.failure}" if ended.failure else "done"
-        print(
-            f"[{done + count}/{len(tasks)}] {ended.key} {state}, about {left_s:.0f} s left", file=sys.stderr, flush=True
-        )
+        state = f"FAILED: {ended.failure}" if ended.failure else f"done, about {left_s:.0f} s left"
+        print(f"[{done + count}/{len(tasks)}] {ended.key} {state}", file=sys.stderr, flush=True)
 
 
 def _ended(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrupts) -> Iterator[Ended]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
@@ -24,6 +24,8 @@ ROOT = Path(__file__).resolve().parents[2]
 RUNS = ROOT / "runs"
 DEFAULT_GOALS = 10
 RESERVED_NAMES = {"simulator", "fusion", "bringup", "behavior"}
+_WITH_OPTIONS = {"controller", "seed", "episodes", "goals", "guided", "learn"}
+"""Parameters that are set by options of their own."""
 
 
 @dataclass(frozen=True)
@@ -240,6 +242,8 @@ def _policy(given: str | None, program: str, shipped: bool) -> Path | None:
     if given == "none":
         return None
     path = Path(given)
+    if path.is_dir():
+        raise BadInput(f"{program}: --policy {path}: a directory; a run keeps its policy in {path / 'policy.npz'}")
     if not path.is_file():
         raise BadInput(f"{program}: --policy {path}: no such file")
     return path.resolve()
@@ -251,19 +255,40 @@ def _out(out: Path | None, fusion: FusionParameters) -> Path:
     return RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"
 
 
-def same_behaviors(match: Match) -> str:
-    """The options that a command needs to have the behaviors and trees of a match again; each after a space."""
+def policy_told(match: Match) -> tuple[str, str] | None:
+    """In a word, and in more, the policy that a match begins from; None where the controller has none."""
+    if match.fusion.controller not in LEARNERS:
+        return None
+    if match.policy is None:
+        return "none", "it began from nothing"
+    if match.policy == shipped_policy():
+        return "shipped", "which it began from; --policy none: from nothing"
+    return "given", f"which it began from: {match.policy}"
+
+
+def same_team(match: Match) -> str:
+    """The options by which bringup has the behaviors, trees and parameters of a match again; each after a space.
+
+    Controller, policy, seed, lengths and whether it learns are left out: they have options of their own.
+    """
     words = [f"--observation {source}" for source in match.observations.values()]
     directory = next(iter(match.behaviors.values())).parent
     if directory != shipped_trees().resolve():
         words.append(f"--trees {directory}")
-    usual = FusionParameters()
-    words += [
-        f"--set {name}={','.join(getattr(match.fusion, name))}"
-        for name in ("behaviors", "layers")
-        if getattr(match.fusion, name) != getattr(usual, name)
-    ]
+    for values, usual in ((match.fusion, FusionParameters()), (match.simulation, SimulationParameters())):
+        words += [
+            f"--set {name}={_set_text(getattr(values, name))}"
+            for name in limits_of(type(values))
+            if name not in _WITH_OPTIONS and getattr(values, name) != getattr(usual, name)
+        ]
     return "".join(f" {word}" for word in words)
+
+
+def _set_text(value: object) -> str:
+    """A parameter's value as --set takes it."""
+    if isinstance(value, list):
+        return ",".join(cast("list[str]", value))
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def make_run_directory(match: Match) -> Match:

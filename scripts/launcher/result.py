@@ -10,12 +10,13 @@ from typing import Any
 from launcher.counted import counted, percent
 
 
-def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float) -> str:
+def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tuple[str, str] | None = None) -> str:
     """The summary as a newcomer reads it.
 
     Args:
         run: the run directory.
         dt_s: simulated time of one step [s].
+        policy: in a word, and in more, what the controller had learned before; None for one that learns nothing.
     """
     episodes, goals, rate = summary["episodes"], summary["goals"], summary["success_rate"]
     success = "" if rate is None else f", success rate {percent(rate)}"
@@ -30,6 +31,7 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float) -> str:
         ("a goal took", _number(mean), took),
         ("a goal cost", _number(cost), cost_text),
         ("collisions", summary["collisions_begun"], f"with a wall, {summary['collision_steps']} steps in contact"),
+        *([("policy", *policy)] if policy else []),
         *_guided(run / "episodes.csv"),
         ("played", summary["steps"], f"steps{_pace(summary, dt_s)}"),
         ("digest", summary["digest"][:8], "of every step; the same match in lockstep has the same"),
@@ -64,19 +66,24 @@ def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
     return [("guided", count, "episodes first, which only the lines below count")] if count else []
 
 
-def next_steps(summary: Mapping[str, Any], run: Path, same: str = "") -> str:
-    """What to type next. `same`: the options by which bringup has the same behaviors and trees again."""
+def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: bool = True) -> str:
+    """What to type next.
+
+    Args:
+        same: the options by which bringup has the same behaviors, trees and parameters again.
+        learn: whether the controller could go on learning.
+    """
     bringup = f"python3 scripts/bringup.py{same}"
+    player = f"{bringup} --controller {summary['controller']}"
     if (run / "policy.npz").is_file():
-        other = (
-            f"{bringup} --controller {summary['controller']} --policy {run / 'policy.npz'}",
-            "go on with what was learned",
-        )
+        player += f" --policy {run / 'policy.npz'}"
+        other = player, "go on with what was learned" if learn else "learn on from the policy that was played"
+        player += "" if learn else " --no-learn"
     elif summary["controller"] == "subsumption":
         other = bringup, "the same behaviors, fused by what was learned"
     else:
         other = f"{bringup} --controller subsumption", "the same behaviors, by priorities instead"
-    steps = [other, (f"{bringup} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
+    steps = [other, (f"{player} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
     if summary["messages_recorded"]:
         steps.append((f"python3 scripts/report.py {run}", "a page that shows what happened, step by step, and why"))
     if summary["messages_recorded"] and summary["incomplete"]:

@@ -15,7 +15,7 @@ from fbql_fusion.run_directory import RunDirectory, git_revision, software_versi
 
 from launcher.in_process import own_observation, parts_of, play, rehearse
 from launcher.interrupts import Interrupts
-from launcher.options import ROOT, Match, make_run_directory, match_from, match_parser
+from launcher.options import ROOT, Match, make_run_directory, match_from, match_parser, policy_told
 from launcher.panel import Panel, print_result
 from launcher.result import summary_text
 
@@ -57,7 +57,8 @@ def main(argv: Sequence[str]) -> int:
     run.write_summary(summary)
     run.close()
     values = summary._asdict()
-    print_result(json.dumps(values) if match.json else summary_text(values, match.out, match.simulation.dt_s))
+    told = summary_text(values, match.out, match.simulation.dt_s, policy_told(match))
+    print_result(json.dumps(values) if match.json else told)
     return _INCOMPLETE if run.failed else _DONE
 
 

@@ -216,12 +216,13 @@ def _methods(rows: Sequence[Row], controls: Mapping[str, str]) -> Table:
 
 
 def _compared(row: Row, name: str) -> str:
-    """cost/goal relative to a control; empty where there is none, or it is the control itself."""
-    if row.get(f"ratio_{name}") is None or row.get(f"p_{name}") is None:
+    """cost/goal relative to a control; empty where there is none, or it is the control itself. Of one run there is no p."""
+    ratio, low, high = f"ratio_{name}", f"ratio_{name}_low", f"ratio_{name}_high"
+    p = row.get(f"p_{name}")
+    is_itself = p is None and row.get(low) == row.get(high) == 1.0
+    if row.get(ratio) is None or is_itself:
         return ""
-    return (
-        f"{between(row, f'ratio_{name}', f'ratio_{name}_low', f'ratio_{name}_high', '.2f')}, p {_p(row[f'p_{name}'])}"
-    )
+    return between(row, ratio, low, high, ".2f") + ("" if p is None else f", p {_p(p)}")
 
 
 def _p(value: float) -> str:

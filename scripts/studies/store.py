@@ -33,7 +33,7 @@ class Store:
     Args:
         directory: made if it is not there.
         config: what the tasks depend on (study and options), as JSON values. A directory of the same study with other COUNTS
-            goes on with these.
+            goes on with these; one where no task was done yet is anybody's.
 
     Raises:
         BadInput: the directory can't be used, has other files in it, belongs to another study or other options, or a run
@@ -67,6 +67,10 @@ class Store:
         try:
             is_new = not path.exists()
             found = config if is_new else _parsed(path.read_text())
+            if _is_a_study(found) and not any((self.directory / "tasks").glob("*.json")):
+                for failure in (self.directory / "tasks").glob("*.failed"):
+                    failure.unlink()
+                found, is_new = config, True
             if _uncounted(found) == _uncounted(config):
                 if is_new or found != config:
                     text = json.dumps(config, indent=2, sort_keys=True)
@@ -127,6 +131,15 @@ def _parsed(text: str) -> Any:
         return json.loads(text)
     except ValueError:
         return None
+
+
+def _is_a_study(config: Any) -> bool:
+    """Whether a config.json is one of ours."""
+    match config:
+        case {"study": str(), "options": dict(), **others} if not others:
+            return True
+        case _:
+            return False
 
 
 def _uncounted(config: Any) -> Any:

@@ -93,6 +93,11 @@ def test_this_packages_behaviors_need_no_file() -> None:
         (SOUND.replace("-1.2, 1.2", "1.2, -1.2"), "", "feature 'robot_x': low 1.2 must be below high -1.2"),
         (SOUND.replace("(Feature(", "() and (Feature("), "", "needs features, each with a name of its own"),
         (SOUND.replace("sense, law", "1, law"), "", "'sense' of behavior 'pacing' is not a function"),
+        (SOUND.replace("robot_x_m,)", "robot_x_m, 1.0)"), "", "'pacing' gives 2 values; expected 1: robot_x"),
+        (SOUND.replace("robot_x_m,)", "robot_x_m)"), "", "'pacing' gives a float instead of a tuple; expected 1"),
+        (SOUND.replace("robot_x_m,)", "goal and 0 or None,)"), "", "'pacing' gives a NoneType as 'robot_x', expected"),
+        (SOUND.replace("robot_x_m,)", "robot_x,)"), "", "'sense' of behavior 'pacing': AttributeError in line 5: "),
+        (SOUND.replace("(10.0, 20.0)", "(10.0,)"), "", "'instructor' of .* gives 1 value; expected 2: left, right"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused_in_one_line_with_the_reason(

@@ -28,7 +28,11 @@ def test_defaults_are_valid_and_every_parameter_is_described():
         ({"episodes": 2**63}, "'episodes'"),
         ({"behaviors": ["ball_seeking", "ball_seeking"]}, "'ball_seeking' twice"),
         ({"layers": ["ball_seeking", "ball_seeking"]}, "'ball_seeking' twice"),
-        ({"layers": ["dribbling"]}, "names none of the behaviors"),
+        (
+            {"layers": ["wall_avoiding", "aproaching"]},
+            "'layers' has 'aproaching', which is none of the behaviors (ball_",
+        ),
+        ({"behaviors": ["dribbling"]}, "names none of the behaviors"),
         ({"weight_floor": 0.4}, "'weight_floor'"),
     ],
 )

@@ -58,7 +58,7 @@ def test_a_python_that_is_too_old_gets_one_line_and_exit_code_2() -> None:
         )
         if version.stdout.strip() == "True":
             done = subprocess.run(
-                [python, str(ROOT / "scripts" / "test.py")], capture_output=True, text=True, check=False
+                [python, "-B", str(ROOT / "scripts" / "test.py")], capture_output=True, text=True, check=False
             )
             assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
             assert "Python 3.9 or newer" in done.stderr

@@ -187,7 +187,8 @@ def test_a_second_run_into_a_directory_is_refused_while_the_first_goes_on(
 def test_a_directory_of_another_study_or_other_options_is_refused(
     config: Any, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "tasks").mkdir(parents=True)
+    write_result(tmp_path / "out", "draw0", {"value": 1.0})
     path = tmp_path / "out" / "config.json"
     asked = {"study": "probe", "options": {"seeds": 2, "others": [], "place": str(tmp_path)}}
     if isinstance(config, dict):
@@ -198,6 +199,17 @@ def test_a_directory_of_another_study_or_other_options_is_refused(
     assert says in captured.err
     assert captured.err.count("\n") == 1
     assert captured.out == ""
+
+
+def test_a_study_that_did_nothing_leaves_its_directory_to_another(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments(tmp_path, "--scheduler", "nonsense://x")) == 2
+    assert main(arguments(tmp_path, "--seeds", "0", "--others", "raise")) == 1
+    assert [path.name for path in (tmp_path / "out" / "tasks").iterdir()] == ["raise.failed"]
+    assert main(arguments(tmp_path, "--seeds", "1")) == 0
+    assert main(arguments(tmp_path, "--seeds", "1", "--others", "raise")) == 2
+    assert "holds this study with --others [], not --others ['raise']" in capsys.readouterr().err
 
 
 def test_a_directory_serves_more_seeds_and_fewer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

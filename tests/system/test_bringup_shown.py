@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from bringup_run import Run, Terminal
 from launcher import panel
+from launcher.options import match_from, match_parser, policy_told
 from launcher.panel import Panel, status_line
 from launcher.result import next_steps, summary_text
 from run_directory_reader import summary_of
@@ -113,6 +114,19 @@ def test_guided_episodes_are_told_apart_from_what_they_count_in(tmp_path: Path) 
     assert max(map(len, text[at : at + 2])) < 80
 
 
+def test_a_result_names_the_policy_that_it_began_from(tmp_path: Path) -> None:
+    def told(*words: str) -> str:
+        options = match_parser("bringup.py", "").parse_args([*words, "--out", "/run"])
+        return summary_text(SUMMARY, Path("/run"), 1 / 60, policy_told(match_from(options, "bringup.py")))
+
+    assert "  policy        shipped  which it began from; --policy none: from nothing\n" in told()
+    assert "  policy           none  it began from nothing\n" in told("--policy", "none")
+    own = tmp_path / "mine.npz"
+    own.touch()
+    assert f"  policy          given  which it began from: {own}\n" in told("--policy", str(own))
+    assert "policy" not in told("--controller", "subsumption")
+
+
 def test_a_result_of_nothing_is_told_without_numbers() -> None:
     nothing = dict.fromkeys(("success_rate", "cost_per_goal", "mean_steps_per_goal", "wall_s", "steps_per_s"))
     zero = dict.fromkeys(("episodes", "goals", "timeouts", "steps", "messages_recorded"), 0)
@@ -134,5 +148,9 @@ def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None
     (tmp_path / "policy.npz").touch()
     again = next_steps(SUMMARY, tmp_path, " --trees mine")
     assert f"python3 scripts/bringup.py --trees mine --controller {SUMMARY['controller']} --policy" in again
+    assert "go on with what was learned" in again
+    frozen = next_steps(SUMMARY, tmp_path, "", learn=False)
+    assert "learn on from the policy that was played" in frozen
+    assert f"--policy {tmp_path}/policy.npz --no-learn --realtime 1" in frozen
     learned = next_steps({**SUMMARY, "controller": "fbql_literal"}, tmp_path)
     assert f"--controller fbql_literal --policy {tmp_path}/policy.npz" in learned

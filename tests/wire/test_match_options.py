@@ -11,7 +11,7 @@ import pytest
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
 from launcher.in_process import parts_of
-from launcher.options import Match, match_from, match_parser, shipped_policy, shipped_trees
+from launcher.options import Match, match_from, match_parser, same_team, shipped_policy, shipped_trees
 
 
 def match(*words: str) -> Match:
@@ -37,6 +37,19 @@ def test_other_trees_start_from_nothing_and_it_is_said(tmp_path: Path) -> None:
     assert [note.split(":")[0] for note in found.notes] == ["starts from nothing"]
     assert match("--trees", str(trees), "--policy", "none").notes == (), "as it was asked for"
     assert match("--trees", str(trees), "--controller", "subsumption").notes == ()
+
+
+def test_the_same_team_has_what_was_set_and_not_how_long_it_plays() -> None:
+    assert same_team(match("--seed", "5", "--episodes", "7", "--no-learn")) == ""
+    words = ("layers=ball_seeking,wall_avoiding", "fbql_mirror=false", "fbql_rate=0.25", "max_steps=900")
+    again = same_team(match(*(word for setting in words for word in ("--set", setting)), "--policy", "none"))
+    assert sorted(again.replace(" --set ", " ").split()) == sorted(words)
+    assert match(*again.split(), "--policy", "none").fusion.fbql_rate == 0.25
+
+
+def test_a_directory_is_no_policy(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"a directory; a run keeps its policy in .*/policy\.npz$"):
+        match("--policy", str(tmp_path))
 
 
 def test_a_tree_that_cannot_be_read_is_no_traceback(tmp_path: Path) -> None:

@@ -12,17 +12,45 @@ from __future__ import annotations
 
 import hashlib
 import sys
+from collections.abc import Sequence
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
+from math import pi
+from numbers import Real
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 from fbql_common.core.errors import BadInput
+from fbql_common.core.types import World
 
 from fbql_behaviors.core.observation import OBSERVATIONS, Observation, observation_of
 
 GROUP = "fbql_behaviors.observations"
+_SAMPLE = World(
+    stamp_ns=0,
+    episode=0,
+    step=0,
+    robot_x_m=-0.5,
+    robot_y_m=0.2,
+    robot_yaw_rad=0.3,
+    robot_speed_m_s=0.1,
+    robot_yaw_rate_rad_s=0.2,
+    ball_x_m=0.4,
+    ball_y_m=-0.1,
+    ball_vx_m_s=0.05,
+    ball_vy_m_s=-0.02,
+    wall_x_m=-0.5,
+    wall_y_m=0.9,
+    wall_yaw_rad=-pi / 2,
+    goal=False,
+    own_goal=False,
+    collision_begun=False,
+    collision=False,
+    terminated=False,
+    truncated=False,
+)
+"""An ordinary world state, on which an observation is tried before anything depends on it."""
 
 
 class Loaded(NamedTuple):
@@ -128,6 +156,27 @@ def _sound(behavior: str, observation: Observation, where: str) -> Observation:
     for feature in observation.features:
         if not feature.low < feature.high:
             raise BadInput(f"{where}: feature '{feature.name}': low {feature.low} must be below high {feature.high}")
-    if not callable(observation.sense):
-        raise BadInput(f"{where}: 'sense' of behavior '{behavior}' is not a function")
+    sensed = _tried(observation.sense, _SAMPLE, names, f"{where}: 'sense' of behavior '{behavior}'")
+    if observation.instructor is not None:
+        _tried(observation.instructor, sensed, ("left", "right"), f"{where}: 'instructor' of behavior '{behavior}'")
     return observation
+
+
+def _tried(function: Any, given: object, names: Sequence[str], where: str) -> Sequence[float]:
+    """What a foreign function gives, which must be a number for each of the names."""
+    if not callable(function):
+        raise BadInput(f"{where} is not a function")
+    try:
+        found: Any = function(given)
+    except Exception as error:  # whatever it raises
+        raise BadInput(f"{where}: {_told(error)}") from None
+    expected = f"expected {len(names)}: {', '.join(names)}"
+    if not isinstance(found, tuple | list):
+        raise BadInput(f"{where} gives a {type(found).__name__} instead of a tuple; {expected}")
+    values = cast("Sequence[Any]", found)
+    if len(values) != len(names):
+        raise BadInput(f"{where} gives {len(values)} value{'' if len(values) == 1 else 's'}; {expected}")
+    for name, value in zip(names, values, strict=True):
+        if not isinstance(value, Real):
+            raise BadInput(f"{where} gives a {type(value).__name__} as '{name}', expected a number")
+    return values

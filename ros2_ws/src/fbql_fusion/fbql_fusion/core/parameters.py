@@ -132,6 +132,11 @@ def check_fusion(parameters: FusionParameters, where: str) -> None:
             f"{where}: parameter 'weight_floor' is {parameters.weight_floor:g}; "
             f"{len(names)} behaviors leave at most {1 / len(names):g}"
         )
+    for name in parameters.layers:
+        if name not in {*names, *FusionParameters().layers}:  # the usual ones stay there when fewer behaviors are fused
+            raise BadInput(
+                f"{where}: parameter 'layers' has '{name}', which is none of the behaviors ({', '.join(names)})"
+            )
     if not set(parameters.layers) & set(names):
         raise BadInput(
             f"{where}: parameter 'layers' ({', '.join(parameters.layers)}) names none of the behaviors "
