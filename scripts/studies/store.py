@@ -67,9 +67,7 @@ class Store:
         try:
             is_new = not path.exists()
             found = config if is_new else _parsed(path.read_text())
-            if _is_a_study(found) and not any((self.directory / "tasks").glob("*.json")):
-                for failure in (self.directory / "tasks").glob("*.failed"):
-                    failure.unlink()
+            if _uncounted(found) != _uncounted(config) and _is_a_study(found) and self._was_cleared():
                 found, is_new = config, True
             if _uncounted(found) == _uncounted(config):
                 if is_new or found != config:
@@ -79,6 +77,15 @@ class Store:
         except (OSError, ValueError) as error:
             raise BadInput(f"{path}: can't be used ({error}); choose another directory") from None
         raise BadInput(f"{self.directory}: holds {_difference(found, config)}; choose another directory")
+
+    def _was_cleared(self) -> bool:
+        """Whether no task was done here, so that the rest of the study could be taken away, and was."""
+        tasks = self.directory / "tasks"
+        if any(tasks.glob("*.json")):
+            return False
+        for left in (*tasks.glob("*.failed"), self.directory / "revisions.json"):
+            left.unlink(missing_ok=True)
+        return True
 
     def __enter__(self) -> Store:
         return self
