@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -267,21 +268,19 @@ def policy_told(match: Match) -> tuple[str, str] | None:
 
 
 def same_team(match: Match) -> str:
-    """The options by which bringup has the behaviors, trees and parameters of a match again; each after a space.
+    """The options by which bringup has the behaviors, trees and parameters of a match again, for a shell; each after a space.
 
     Controller, policy, seed, lengths and whether it learns are left out: they have options of their own.
     """
-    words = [f"--observation {source}" for source in match.observations.values()]
+    words = [word for source in match.observations.values() for word in ("--observation", source)]
     directory = next(iter(match.behaviors.values())).parent
     if directory != shipped_trees().resolve():
-        words.append(f"--trees {directory}")
+        words += "--trees", str(directory)
     for values, usual in ((match.fusion, FusionParameters()), (match.simulation, SimulationParameters())):
-        words += [
-            f"--set {name}={_set_text(getattr(values, name))}"
-            for name in limits_of(type(values))
-            if name not in _WITH_OPTIONS and getattr(values, name) != getattr(usual, name)
-        ]
-    return "".join(f" {word}" for word in words)
+        for name in limits_of(type(values)):
+            if name not in _WITH_OPTIONS and (value := getattr(values, name)) != getattr(usual, name):
+                words += "--set", f"{name}={_set_text(value)}"
+    return "".join(f" {shlex.quote(word)}" for word in words)
 
 
 def _set_text(value: object) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -75,8 +76,9 @@ def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: boo
     """
     bringup = f"python3 scripts/bringup.py{same}"
     player = f"{bringup} --controller {summary['controller']}"
+    place = shlex.quote(str(run))
     if (run / "policy.npz").is_file():
-        player += f" --policy {run / 'policy.npz'}"
+        player += f" --policy {shlex.quote(str(run / 'policy.npz'))}"
         other = player, "go on with what was learned" if learn else "learn on from the policy that was played"
         player += "" if learn else " --no-learn"
     elif summary["controller"] == "subsumption":
@@ -85,10 +87,10 @@ def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: boo
         other = f"{bringup} --controller subsumption", "the same behaviors, by priorities instead"
     steps = [other, (f"{player} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
     if summary["messages_recorded"]:
-        steps.append((f"python3 scripts/report.py {run}", "a page that shows what happened, step by step, and why"))
+        steps.append((f"python3 scripts/report.py {place}", "a page that shows what happened, step by step, and why"))
     if summary["messages_recorded"] and summary["incomplete"]:
-        steps.append((f"python3 scripts/recover.py {run}", "a whole recording of what is sound, and what was lost"))
+        steps.append((f"python3 scripts/recover.py {place}", "a whole recording of what is sound, and what was lost"))
     elif summary["messages_recorded"]:
         meaning = f"what was recorded, where ROS 2 is installed; Foxglove opens {run.name}_0.mcap in there"
-        steps.append((f"ros2 bag info {run}", meaning))
+        steps.append((f"ros2 bag info {place}", meaning))
     return "\n".join(["", "Next:", *(f"  {command}\n      {meaning}" for command, meaning in steps)])

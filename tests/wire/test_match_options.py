@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -39,12 +40,14 @@ def test_other_trees_start_from_nothing_and_it_is_said(tmp_path: Path) -> None:
     assert match("--trees", str(trees), "--controller", "subsumption").notes == ()
 
 
-def test_the_same_team_has_what_was_set_and_not_how_long_it_plays() -> None:
+def test_the_same_team_has_what_was_set_and_not_how_long_it_plays(tmp_path: Path) -> None:
     assert same_team(match("--seed", "5", "--episodes", "7", "--no-learn")) == ""
     words = ("layers=ball_seeking,wall_avoiding", "fbql_mirror=false", "fbql_rate=0.25", "max_steps=900")
     again = same_team(match(*(word for setting in words for word in ("--set", setting)), "--policy", "none"))
     assert sorted(again.replace(" --set ", " ").split()) == sorted(words)
     assert match(*again.split(), "--policy", "none").fusion.fbql_rate == 0.25
+    trees = str(shutil.copytree(shipped_trees(), tmp_path / "my trees"))
+    assert shlex.split(same_team(match("--trees", trees))) == ["--trees", trees], "as a shell reads it"
 
 
 def test_a_directory_is_no_policy(tmp_path: Path) -> None:
