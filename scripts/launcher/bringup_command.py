@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import shutil
 from collections.abc import Sequence
 
@@ -14,7 +15,7 @@ from launcher.domains import domain_from
 from launcher.graph import Mode
 from launcher.in_process import rehearse
 from launcher.interrupts import Interrupted, Interrupts
-from launcher.options import Match, Parser, make_run_directory, match_from, match_parser, policy_told, same_team
+from launcher.options import Match, Parser, make_run_directory, match_from, match_parser, policy_told, same_options
 from launcher.panel import Panel, print_result
 from launcher.result import next_steps, summary_text
 from launcher.supervision import BAD_INPUT, FAILED, INCOMPLETE, Supervision
@@ -113,15 +114,14 @@ def _tell(match: Match, code: int, panel: Panel, interrupts: Interrupts) -> int:
         cause = f"ended by {interrupts.name} before there was a result" if interrupts.came else "there is no summary"
         panel.say(f"{PROGRAM}: {cause}; see {run / 'log'}")
         if recorded := next(run.glob("*.mcap.active"), None):
-            panel.say(
-                f"{PROGRAM}: {recorded} was not finished; python3 scripts/recover.py {run} gets out what it holds"
-            )
+            command = f"python3 scripts/recover.py {shlex.quote(str(run))}"
+            panel.say(f"{PROGRAM}: {recorded} was not finished; {command} gets out what it holds")
         return code or FAILED
     if interrupts.came:
         panel.say(f"ended by {interrupts.name}; what was played until then is complete")
     summary = json.loads(path.read_text())
     told = summary_text(summary, run, match.simulation.dt_s, policy_told(match))
-    text = f"{told}\n{next_steps(summary, run, same_team(match), match.fusion.learn)}"
+    text = f"{told}\n{next_steps(summary, run, same_options(match), match.fusion.learn)}"
     try:
         print_result(json.dumps(summary) if match.json else text)
     except OSError as error:

@@ -10,5 +10,11 @@ def counted(count: int, one: str, several: str = "") -> str:
 
 def percent(share: float) -> str:
     """`75 %`, `99.5 %`: to a tenth; 0 and 100 only where it is exactly that, so that no failure is rounded away."""
-    tenths = 1000.0 * share
-    return f"{tenths / 10 if tenths in (0.0, 1000.0) else min(max(round(tenths), 1), 999) / 10:g} %"
+    return f"{100.0 * float(share_text(share, 3)):.3g} %"
+
+
+def share_text(share: float, digits: int) -> str:
+    """A share of 1 with so many digits behind the point; 0 and 1 only where it is exactly that."""
+    least = 10.0**-digits
+    inner = share if share in (0.0, 1.0) else min(max(share, least), 1.0 - least)
+    return f"{inner:.{digits}f}"

@@ -25,8 +25,8 @@ ROOT = Path(__file__).resolve().parents[2]
 RUNS = ROOT / "runs"
 DEFAULT_GOALS = 10
 RESERVED_NAMES = {"simulator", "fusion", "bringup", "behavior"}
-_WITH_OPTIONS = {"controller", "seed", "episodes", "goals", "guided", "learn"}
-"""Parameters that are set by options of their own."""
+_OF_THE_RUN = {"controller", "seed", "episodes", "goals", "guided", "learn"}
+"""Parameters that the next run chooses anew."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,8 @@ class Match:
     """The run directory. Unless the user named it, it is only known for sure when it is made."""
     out_named: bool
     json: bool
+    trees: Path | None = None
+    """The directory of the trees, if the user named one."""
     observations: dict[str, str] = field(default_factory=dict[str, str])
     """FILE.py:NAME of what a behavior of the user's own senses, by the behavior that its tree file names."""
     notes: tuple[str, ...] = ()
@@ -154,6 +156,7 @@ def match_from(arguments: argparse.Namespace, program: str) -> Match:
         out=_out(arguments.out, fusion),
         out_named=arguments.out is not None,
         json=arguments.json,
+        trees=arguments.trees and arguments.trees.absolute(),
         observations=know_observations(arguments.observation),
         notes=tuple(_notes(fusion, policy, fits, asked=arguments.policy is not None)),
     )
@@ -267,23 +270,22 @@ def policy_told(match: Match) -> tuple[str, str] | None:
     return "given", f"which it began from: {match.policy}"
 
 
-def same_team(match: Match) -> str:
+def same_options(match: Match) -> str:
     """The options by which bringup has the behaviors, trees and parameters of a match again, for a shell; each after a space.
 
-    Controller, policy, seed, lengths and whether it learns are left out: they have options of their own.
+    What the next run chooses anew is left out: controller, policy, seed, how many episodes or goals, whether it learns.
     """
     words = [word for source in match.observations.values() for word in ("--observation", source)]
-    directory = next(iter(match.behaviors.values())).parent
-    if directory != shipped_trees().resolve():
-        words += "--trees", str(directory)
+    if match.trees is not None:
+        words += "--trees", str(match.trees)
     for values, usual in ((match.fusion, FusionParameters()), (match.simulation, SimulationParameters())):
         for name in limits_of(type(values)):
-            if name not in _WITH_OPTIONS and (value := getattr(values, name)) != getattr(usual, name):
-                words += "--set", f"{name}={_set_text(value)}"
+            if name not in _OF_THE_RUN and (value := getattr(values, name)) != getattr(usual, name):
+                words += "--set", f"{name}={set_text(value)}"
     return "".join(f" {shlex.quote(word)}" for word in words)
 
 
-def _set_text(value: object) -> str:
+def set_text(value: object) -> str:
     """A parameter's value as --set takes it."""
     if isinstance(value, list):
         return ",".join(cast("list[str]", value))

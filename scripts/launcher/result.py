@@ -17,7 +17,7 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tup
     Args:
         run: the run directory.
         dt_s: simulated time of one step [s].
-        policy: in a word, and in more, what the controller had learned before; None for one that learns nothing.
+        policy: in a word, and in more, the policy that the match began from; None for a controller that has none.
     """
     episodes, goals, rate = summary["episodes"], summary["goals"], summary["success_rate"]
     success = "" if rate is None else f", success rate {percent(rate)}"
@@ -82,7 +82,9 @@ def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: boo
         other = player, "go on with what was learned" if learn else "learn on from the policy that was played"
         player += "" if learn else " --no-learn"
     elif summary["controller"] == "subsumption":
-        other = bringup, "the same behaviors, fused by what was learned"
+        shipped = not same  # the policy that ships fits the usual behaviors, trees and parameters
+        meaning = "fused by what was learned" if shipped else "and fbql that learns to fuse them"
+        other = f"{bringup}{'' if shipped else ' --policy none'}", f"the same behaviors, {meaning}"
     else:
         other = f"{bringup} --controller subsumption", "the same behaviors, by priorities instead"
     steps = [other, (f"{player} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from launcher.counted import share_text
+
 from studies.study import Row, Table
 from studies.tables import between, number
 
@@ -122,7 +124,7 @@ def ladder_tables(rows: Sequence[Row]) -> dict[str, Table]:
                     number(row["learner_cost"], ".0f"),
                     number(row["ratio"], ".2f"),
                     number(row["worst_run"], ".2f"),
-                    _rate(row["success_rate"]),
+                    _share(row["success_rate"]),
                     f"{row['own_goal_rate']:.2%}",
                 ]
                 for row in sets
@@ -159,7 +161,7 @@ def scaling_tables(rows: Sequence[Row]) -> dict[str, Table]:
             f"{row['joint_states']:.0f}",
             f"{row['features']:.0f}",
             _bytes(row["bytes"]),
-            _rate(row["success_rate"]),
+            _share(row["success_rate"]),
             between(row, "cost_per_goal", "cost_low", "cost_high", ".0f"),
             number(row["training_s"], ".0f"),
         ]
@@ -178,7 +180,7 @@ def peers_tables(rows: Sequence[Row]) -> dict[str, Table]:
             str(row["runs"]),
             f"{row['goals']} / {row['episodes']}",
             str(row["own_goals"]),
-            _rate(row["success_rate"]),
+            _share(row["success_rate"]),
             between(row, "cost_per_goal", "cost_low", "cost_high", ".0f"),
             number(row["collision_steps_per_goal"], ".0f"),
             _compared(row, "retuned"),
@@ -204,7 +206,7 @@ def _methods(rows: Sequence[Row], controls: Mapping[str, str]) -> Table:
             f"{row['goals']} / {row['episodes']}" if "episodes" in row else str(row["goals"]),
             str(row["own_goals"]),
             str(row["timeouts"]),
-            _rate(row["success_rate"]),
+            _share(row["success_rate"]),
             between(row, "cost_per_goal", "cost_low", "cost_high", ".0f"),
             number(row["steps_per_success"], ".0f"),
             f"{number(row['collisions_begun_per_goal'], '.1f')}, {number(row['collision_steps_per_goal'], '.0f')}",
@@ -225,9 +227,8 @@ def _compared(row: Row, name: str) -> str:
     return between(row, ratio, low, high, ".2f") + ("" if p is None else f", p {_p(p)}")
 
 
-def _rate(value: float | None) -> str:
-    """A success rate; 1.000 only where every episode succeeded."""
-    return "" if value is None else f"{value if value == 1.0 else min(value, 0.9994):.3f}"
+def _share(value: float | None) -> str:
+    return "" if value is None else share_text(value, 3)
 
 
 def _p(value: float) -> str:

@@ -67,7 +67,7 @@ class Store:
         try:
             is_new = not path.exists()
             found = config if is_new else _parsed(path.read_text())
-            if _uncounted(found) != _uncounted(config) and _is_a_study(found) and self._was_cleared():
+            if _is_a_study(found) and self._is_unused():
                 found, is_new = config, True
             if _uncounted(found) == _uncounted(config):
                 if is_new or found != config:
@@ -78,14 +78,9 @@ class Store:
             raise BadInput(f"{path}: can't be used ({error}); choose another directory") from None
         raise BadInput(f"{self.directory}: holds {_difference(found, config)}; choose another directory")
 
-    def _was_cleared(self) -> bool:
-        """Whether no task was done here, so that the rest of the study could be taken away, and was."""
-        tasks = self.directory / "tasks"
-        if any(tasks.glob("*.json")):
-            return False
-        for left in (*tasks.glob("*.failed"), self.directory / "revisions.json"):
-            left.unlink(missing_ok=True)
-        return True
+    def _is_unused(self) -> bool:
+        """Whether a study was begun here, but no task ended."""
+        return not _others_in(self.directory) - {"config.json"} and not any((self.directory / "tasks").iterdir())
 
     def __enter__(self) -> Store:
         return self

@@ -12,6 +12,7 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
+from launcher.options import set_text
 
 from studies import fusion_controls
 from studies.comparison import Runs, mean_of, method_row, runs_by_method
@@ -127,4 +128,4 @@ def changing(variants: Mapping[str, Changes]) -> dict[str, Changes]:
 
 def as_set(changes: Changes) -> str:
     """Changes as the options of a command."""
-    return " ".join(f"--set {name}={str(value).lower()}" for name, value in changes.items())
+    return " ".join(f"--set {name}={set_text(value)}" for name, value in changes.items())

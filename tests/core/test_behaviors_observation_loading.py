@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from fbql_behaviors import observation_loading
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.instructors import INSTRUCTORS, instructor_of
 from fbql_behaviors.core.observation import OBSERVATIONS
@@ -13,6 +14,7 @@ from fbql_behaviors.core.tree import Leaf, Tree
 from fbql_behaviors.observation_loading import GROUP, find_observation, load_observation
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import World
+from fbql_sim.core.arena import closest_wall_point
 from launcher.observations import know_observations
 
 WORLD = World(1, 0, 0, 0.25, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.9, 0.0, *[False] * 6)
@@ -96,8 +98,16 @@ def test_this_packages_behaviors_need_no_file() -> None:
         (SOUND.replace("robot_x_m,)", "robot_x_m, 1.0)"), "", "'pacing' gives 2 values; expected 1: robot_x"),
         (SOUND.replace("robot_x_m,)", "robot_x_m)"), "", "'pacing' gives a float instead of a tuple; expected 1"),
         (SOUND.replace("robot_x_m,)", "goal and 0 or None,)"), "", "'pacing' gives a NoneType as 'robot_x', expected"),
+        (SOUND.replace("world.robot_x_m,)", "float('nan'),)"), "", "gives nan as 'robot_x', expected a finite number"),
+        (SOUND.replace("robot_x_m,)", "goal,)"), "", "gives a bool as 'robot_x', expected a number"),
+        (SOUND.replace("(world)", "(world, more)"), "", r"TypeError: sense\(\) missing 1"),
+        (
+            SOUND.replace("return (world", "import statistics; return (statistics.mean([]) + world"),
+            "",
+            "Error in line 5: ",
+        ),
         (SOUND.replace("robot_x_m,)", "robot_x,)"), "", "'sense' of behavior 'pacing': AttributeError in line 5: "),
-        (SOUND.replace("(10.0, 20.0)", "(10.0,)"), "", "'instructor' of .* gives 1 value; expected 2: left, right"),
+        (SOUND.replace("sense, law", "sense, 1"), "", "'instructor' of behavior 'pacing' is not a function"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused_in_one_line_with_the_reason(
@@ -106,6 +116,16 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line_with_the_reason(
     with pytest.raises(BadInput, match=reason) as refusal:
         load_observation(f"{write(text)}{name}")
     assert "\n" not in str(refusal.value)
+
+
+def test_the_world_state_that_an_observation_is_tried_on_is_one_of_the_simulator() -> None:
+    found = observation_loading._SAMPLE
+    wall = closest_wall_point(found.robot_x_m, found.robot_y_m)
+    assert (found.wall_x_m, found.wall_y_m, found.wall_yaw_rad) == pytest.approx(wall)
+
+
+def test_an_instructor_is_asked_only_for_demonstrations(write: Write) -> None:
+    assert load_observation(str(write(SOUND.replace("return (10.0, 20.0)", "raise ValueError")))).behavior == "pacing"
 
 
 def test_a_file_that_is_not_there_or_is_no_python_is_refused(write: Write) -> None:

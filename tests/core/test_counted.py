@@ -1,7 +1,7 @@
 """Counts and shares in words."""
 
 import pytest
-from launcher.counted import counted, percent
+from launcher.counted import counted, percent, share_text
 
 
 @pytest.mark.parametrize(
@@ -18,6 +18,11 @@ from launcher.counted import counted, percent
 )
 def test_a_share_is_all_or_none_only_where_it_is(part: int, whole: int, words: str) -> None:
     assert percent(part / whole) == words
+
+
+def test_a_share_in_digits_is_0_or_1_only_where_it_is() -> None:
+    shares = (1999 / 2000, 0.9996, 1.0, 0.0001, 0.0, 2 / 3)
+    assert [share_text(share, 3) for share in shares] == ["0.999", "0.999", "1.000", "0.001", "0.000", "0.667"]
 
 
 def test_a_count_has_its_plural() -> None:

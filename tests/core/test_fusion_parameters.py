@@ -32,6 +32,7 @@ def test_defaults_are_valid_and_every_parameter_is_described():
             {"layers": ["wall_avoiding", "aproaching"]},
             "'layers' has 'aproaching', which is none of the behaviors (ball_",
         ),
+        ({"layers": ["ball_seeking", "dribbling"]}, "'layers' has 'dribbling'"),
         ({"behaviors": ["dribbling"]}, "names none of the behaviors"),
         ({"weight_floor": 0.4}, "'weight_floor'"),
     ],
@@ -42,3 +43,8 @@ def test_a_wrong_parameter_is_refused_in_one_line_that_names_it(change, reason):
     assert reason in str(refusal.value)
     assert str(refusal.value).startswith("fusion.yaml: ")
     assert "\n" not in str(refusal.value)
+
+
+def test_the_usual_layers_may_stay_when_other_behaviors_are_fused() -> None:
+    check_fusion(FusionParameters(behaviors=["ball_seeking", "dribbling"]), "fusion.yaml")
+    check_fusion(FusionParameters(behaviors=["ball_seeking", "dribbling"], layers=["dribbling"]), "fusion.yaml")

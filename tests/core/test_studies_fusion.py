@@ -23,7 +23,18 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from launcher.experiment import main
 from launcher.make_trees import SHIPPED
-from studies import ablation, fusion_controls, fusion_words, ladder, paper, scaling, sensitivity, tuning, variants
+from studies import (
+    ablation,
+    comparison,
+    fusion_controls,
+    fusion_words,
+    ladder,
+    paper,
+    scaling,
+    sensitivity,
+    tuning,
+    variants,
+)
 from studies.comparison import cost_ratio, method_row, runs_by_method
 from studies.constant_blend import BLEND_ROUNDS, best_blend, blend_played
 from studies.learning_curves import growth, learning
@@ -467,6 +478,31 @@ def test_changes_are_told_as_options_that_the_command_takes() -> None:
     assert fusion_words.changes_told(rows) == {
         "what is changed": (["method", "changes"], [["no mirror", f"`{words}`"]])
     }
+
+
+def test_a_single_run_is_compared_without_p_and_a_control_not_with_itself() -> None:
+    def run(method: str, steps: int, seed: int) -> dict[str, object]:
+        ends = {
+            "episodes": 2000,
+            "goals": 1999,
+            "own_goals": 1,
+            "timeouts": 0,
+            "collisions_begun": 3,
+            "collision_steps": 9,
+        }
+        return {"method": method, "tree_seed": 1, "seed": seed, "steps": steps, "steps_to_goals": steps, **ends}
+
+    def told(seeds: int) -> dict[str, str]:
+        runs = [run(method, steps, seed) for seed in range(seeds) for method, steps in (("fbql", 600), ("other", 900))]
+        by_method = comparison.runs_by_method(runs, ["fbql", "other"])
+        rows = [comparison.method_row(method, by_method, {"default": "fbql"}) for method in by_method]
+        table = fusion_words.variant_tables(rows)["one change each"]
+        at, rate = table.head.index("to default"), table.head.index("success rate")
+        assert [line[rate] for line in table.body] == ["0.999", "0.999"], "one was missed"
+        return {line[0]: line[at] for line in table.body}
+
+    assert told(1) == {"fbql": "", "other": "1.50"}
+    assert told(2) == {"fbql": "", "other": "1.50 (1.50 to 1.50), p .5"}
 
 
 def test_a_single_run_is_drawn_without_an_interval_and_an_endless_one_as_an_arrow() -> None:

@@ -205,11 +205,33 @@ def test_a_study_that_did_nothing_leaves_its_directory_to_another(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(arguments(tmp_path, "--scheduler", "nonsense://x")) == 2
-    assert main(arguments(tmp_path, "--seeds", "0", "--others", "raise")) == 1
+    assert main(arguments(tmp_path, "--seeds", "0", "--others", "raise")) == 1, "a task ended, if badly"
+    assert main(arguments(tmp_path, "--seeds", "1")) == 2
+    assert "holds this study with --others ['raise'], not --others []" in capsys.readouterr().err
     assert [path.name for path in (tmp_path / "out" / "tasks").iterdir()] == ["raise.failed"]
+
+
+@pytest.mark.parametrize("other", ["tables.md", "tasks/draw7.json", "notes.txt"])
+def test_a_directory_with_more_than_a_begun_study_is_not_another_s(other: str, tmp_path: Path) -> None:
+    (tmp_path / "out" / "tasks").mkdir(parents=True)
+    config = tmp_path / "out" / "config.json"
+    config.write_text(json.dumps({"study": "other", "options": {}}))
+    (tmp_path / "out" / other).touch()
+    assert main(arguments(tmp_path, "--seeds", "1")) == 2
+    assert json.loads(config.read_text())["study"] == "other"
+    (tmp_path / "out" / other).unlink()
     assert main(arguments(tmp_path, "--seeds", "1")) == 0
-    assert main(arguments(tmp_path, "--seeds", "1", "--others", "raise")) == 2
-    assert "holds this study with --others [], not --others ['raise']" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "config", [[], {"else": 1}, {"study": "probe", "options": {}, "else": 1}, {"study": 1, "options": {}}]
+)
+def test_what_is_no_study_s_stays(config: Any, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    path = tmp_path / "out" / "config.json"
+    path.write_text(json.dumps(config))
+    assert main(arguments(tmp_path, "--seeds", "1")) == 2
+    assert json.loads(path.read_text()) == config
 
 
 def test_a_directory_serves_more_seeds_and_fewer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -145,6 +145,14 @@ def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None
         assert "ros2 bag" not in next_steps({**SUMMARY, **nothing_whole}, tmp_path)
     assert f"scripts/recover.py {tmp_path}" in next_steps({**SUMMARY, "incomplete": True}, tmp_path)
     assert "recover.py" not in next_steps(SUMMARY, tmp_path)
+    own = next_steps(SUMMARY, tmp_path, " --trees mine")
+    assert "bringup.py --trees mine --policy none\n      the same behaviors, and fbql that learns to fuse them" in own
+    assert "bringup.py --trees mine --controller subsumption --realtime 1" in own
+    spaced = tmp_path / "a run"
+    spaced.mkdir()
+    (spaced / "policy.npz").touch()
+    assert next_steps(SUMMARY, spaced).count(f"'{spaced}'") == 2, "report.py and ros2 bag"
+    assert next_steps(SUMMARY, spaced).count(f"--policy '{spaced}/policy.npz'") == 2
     (tmp_path / "policy.npz").touch()
     again = next_steps(SUMMARY, tmp_path, " --trees mine")
     assert f"python3 scripts/bringup.py --trees mine --controller {SUMMARY['controller']} --policy" in again

@@ -12,7 +12,7 @@ import pytest
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
 from launcher.in_process import parts_of
-from launcher.options import Match, match_from, match_parser, same_team, shipped_policy, shipped_trees
+from launcher.options import Match, match_from, match_parser, same_options, shipped_policy, shipped_trees
 
 
 def match(*words: str) -> Match:
@@ -40,14 +40,14 @@ def test_other_trees_start_from_nothing_and_it_is_said(tmp_path: Path) -> None:
     assert match("--trees", str(trees), "--controller", "subsumption").notes == ()
 
 
-def test_the_same_team_has_what_was_set_and_not_how_long_it_plays(tmp_path: Path) -> None:
-    assert same_team(match("--seed", "5", "--episodes", "7", "--no-learn")) == ""
+def test_the_same_options_are_what_was_set_and_not_what_a_run_chooses(tmp_path: Path) -> None:
+    assert same_options(match("--seed", "5", "--episodes", "7", "--no-learn")) == ""
     words = ("layers=ball_seeking,wall_avoiding", "fbql_mirror=false", "fbql_rate=0.25", "max_steps=900")
-    again = same_team(match(*(word for setting in words for word in ("--set", setting)), "--policy", "none"))
-    assert sorted(again.replace(" --set ", " ").split()) == sorted(words)
-    assert match(*again.split(), "--policy", "none").fusion.fbql_rate == 0.25
+    first = match(*(word for setting in words for word in ("--set", setting)), "--policy", "none")
+    again = match(*shlex.split(same_options(first)), "--policy", "none")
+    assert (again.fusion, again.simulation) == (first.fusion, first.simulation)
     trees = str(shutil.copytree(shipped_trees(), tmp_path / "my trees"))
-    assert shlex.split(same_team(match("--trees", trees))) == ["--trees", trees], "as a shell reads it"
+    assert shlex.split(same_options(match("--trees", trees))) == ["--trees", trees], "as a shell reads it"
 
 
 def test_a_directory_is_no_policy(tmp_path: Path) -> None:

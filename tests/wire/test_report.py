@@ -11,7 +11,8 @@ import signal
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -24,9 +25,10 @@ from hostile_run import BEHAVIOR, HOSTILE, hostile_run
 from launcher.interrupts import NUMBERS
 from launcher.report import main
 from recorded_match import TREES, record_match
-from reporting.contents import UNIT, block_columns
+from reporting.contents import UNIT, Contents, block_columns
 from reporting.meanings import CONTROLLERS as EXPLAINED
 from reporting.meanings import FEATURES
+from reporting.sections import tiles
 from reporting.texts import json_for_html, value_text
 
 LEARNING = {"controller": "fbql_literal", "guided": 1, "tie_rule": "first"}
@@ -211,6 +213,12 @@ def test_hostile_names_are_texts_and_nothing_else(page, tmp_path):
     assert hostile.data["behaviors"] == [BEHAVIOR.replace("\u202e", " ").replace("\t", " ")]
     assert hostile.data["controllers"] == [HOSTILE]
     assert hostile.data["trees"][0]["features"][0][0] == HOSTILE  # ... as texts
+
+
+def test_one_failure_in_many_is_not_rounded_away() -> None:
+    ends = ["goal"] * 199 + ["own_goal"]
+    episodes = [SimpleNamespace(outcome=end, steps=9, collisions_begun=0, phase="learning") for end in ends]
+    assert "99.5 % of the episodes" in tiles(cast("Contents", SimpleNamespace(episodes=episodes)))
 
 
 def test_nothing_ends_a_script_from_inside():

@@ -15,10 +15,11 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
-from math import pi
+from math import isfinite, pi
 from numbers import Real
 from pathlib import Path
-from types import ModuleType
+from traceback import extract_tb
+from types import FunctionType, ModuleType
 from typing import Any, NamedTuple, cast
 
 from fbql_common.core.errors import BadInput
@@ -32,7 +33,7 @@ _SAMPLE = World(
     episode=0,
     step=0,
     robot_x_m=-0.5,
-    robot_y_m=0.2,
+    robot_y_m=0.4,
     robot_yaw_rad=0.3,
     robot_speed_m_s=0.1,
     robot_yaw_rate_rad_s=0.2,
@@ -131,21 +132,18 @@ def _module(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:  # whatever the file raises
         del sys.modules[name]
-        reason = f"cannot be read ({error.strerror})" if isinstance(error, OSError) else _told(error)
+        reason = f"cannot be read ({error.strerror})" if isinstance(error, OSError) else _told(error, str(path))
         raise BadInput(f"{path}: {reason}") from None
     return module
 
 
-def _told(error: Exception) -> str:
-    """An error of foreign code in one line, with the line where it happened, if that is known."""
-    line = error.lineno if isinstance(error, SyntaxError) else None
-    traceback = error.__traceback__
-    while line is None and traceback is not None:
-        if traceback.tb_next is None:
-            line = traceback.tb_lineno
-        traceback = traceback.tb_next
-    text = error.msg if isinstance(error, SyntaxError) else " ".join(str(error).split())
-    return f"{type(error).__name__} in line {line}: {text}"
+def _told(error: Exception, file: str = "") -> str:
+    """An error of foreign code in one line, with the last line of its file that took part, if any did."""
+    if isinstance(error, SyntaxError):
+        return f"{type(error).__name__} in line {error.lineno}: {error.msg}"
+    lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == file]
+    place = f" in line {lines[-1]}" if lines else ""
+    return f"{type(error).__name__}{place}: {' '.join(str(error).split())}"
 
 
 def _sound(behavior: str, observation: Observation, where: str) -> Observation:
@@ -156,20 +154,21 @@ def _sound(behavior: str, observation: Observation, where: str) -> Observation:
     for feature in observation.features:
         if not feature.low < feature.high:
             raise BadInput(f"{where}: feature '{feature.name}': low {feature.low} must be below high {feature.high}")
-    sensed = _tried(observation.sense, _SAMPLE, names, f"{where}: 'sense' of behavior '{behavior}'")
-    if observation.instructor is not None:
-        _tried(observation.instructor, sensed, ("left", "right"), f"{where}: 'instructor' of behavior '{behavior}'")
+    if observation.instructor is not None and not callable(observation.instructor):
+        raise BadInput(f"{where}: 'instructor' of behavior '{behavior}' is not a function")
+    _try_sense(observation.sense, names, f"{where}: 'sense' of behavior '{behavior}'")
     return observation
 
 
-def _tried(function: Any, given: object, names: Sequence[str], where: str) -> Sequence[float]:
-    """What a foreign function gives, which must be a number for each of the names."""
-    if not callable(function):
+def _try_sense(sense: Any, names: Sequence[str], where: str) -> None:
+    """Raises BadInput where it does not give a finite number for each of the names."""
+    if not callable(sense):
         raise BadInput(f"{where} is not a function")
     try:
-        found: Any = function(given)
+        found: Any = sense(_SAMPLE)
     except Exception as error:  # whatever it raises
-        raise BadInput(f"{where}: {_told(error)}") from None
+        file = sense.__code__.co_filename if isinstance(sense, FunctionType) else ""
+        raise BadInput(f"{where}: {_told(error, file)}") from None
     expected = f"expected {len(names)}: {', '.join(names)}"
     if not isinstance(found, tuple | list):
         raise BadInput(f"{where} gives a {type(found).__name__} instead of a tuple; {expected}")
@@ -177,6 +176,7 @@ def _tried(function: Any, given: object, names: Sequence[str], where: str) -> Se
     if len(values) != len(names):
         raise BadInput(f"{where} gives {len(values)} value{'' if len(values) == 1 else 's'}; {expected}")
     for name, value in zip(names, values, strict=True):
-        if not isinstance(value, Real):
+        if isinstance(value, bool) or not isinstance(value, Real):
             raise BadInput(f"{where} gives a {type(value).__name__} as '{name}', expected a number")
-    return values
+        if not isfinite(value):
+            raise BadInput(f"{where} gives {value} as '{name}', expected a finite number")

@@ -132,10 +132,12 @@ def check_fusion(parameters: FusionParameters, where: str) -> None:
             f"{where}: parameter 'weight_floor' is {parameters.weight_floor:g}; "
             f"{len(names)} behaviors leave at most {1 / len(names):g}"
         )
+    known = {*names, *FusionParameters().layers}  # the usual ones stay there when others are fused
     for name in parameters.layers:
-        if name not in {*names, *FusionParameters().layers}:  # the usual ones stay there when fewer behaviors are fused
+        if name not in known:
             raise BadInput(
-                f"{where}: parameter 'layers' has '{name}', which is none of the behaviors ({', '.join(names)})"
+                f"{where}: parameter 'layers' has '{name}', which is none of the behaviors ({', '.join(names)}); "
+                "write it as it stands there, or take it out"
             )
     if not set(parameters.layers) & set(names):
         raise BadInput(
