@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
+from math import isfinite
 
 import numpy as np
 from fbql_behaviors.core.instructors import Habits, Hand, instructor_of
-from fbql_behaviors.core.observation import observation_of
+from fbql_behaviors.core.observation import Law, observation_of
 from fbql_behaviors.core.patterns import Demonstration
 from fbql_common.core.errors import BadInput
 from fbql_common.core.geometry import ball_distance_and_bearing, wrap_angle
@@ -83,9 +84,11 @@ def instruct(
     """`count` demonstrations of a behavior by its scripted instructor, each of at most `steps` steps.
 
     The same arguments give the same demonstrations. `progress` is called with the number of those made.
-    Raises BadInput for a behavior without an instructor, or a number out of range.
+    Raises BadInput for a behavior without an instructor or with one that can't answer, or a number out of range.
     """
     law, sense = instructor_of(behavior), observation_of(behavior).sense
+    if law is observation_of(behavior).instructor:
+        law = _examined(law, behavior)
     _check("demonstrations", count, 1)
     _check("steps", steps, 1)
     loop = WorldLoop(simulation_of(behavior))
@@ -103,6 +106,25 @@ def instruct(
         made.append(Demonstration(tuple(worlds), tuple(commands)))
         progress(len(made))
     return made
+
+
+def _examined(law: Law, behavior: str) -> Law:
+    """A law of the user's own, whose errors are told in one line."""
+
+    def answer(observed: Sequence[float]) -> tuple[float, float]:
+        asked = f"the instructor of behavior '{behavior}', asked with ({', '.join(f'{x:g}' for x in observed)}),"
+        try:
+            left, right = law(observed)
+            if isfinite(left + right):
+                return left, right
+        except Exception as error:  # whatever a foreign function raises
+            reason = " ".join(str(error).split())
+            raise BadInput(
+                f"{asked} fails ({type(error).__name__}: {reason}); it has to give left, right [rad/s]"
+            ) from None
+        raise BadInput(f"{asked} gives {left}, {right}; wheel velocities are finite numbers [rad/s]")
+
+    return answer
 
 
 def _check(name: str, value: int, low: int) -> None:

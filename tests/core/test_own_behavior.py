@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.induction import induce
-from fbql_behaviors.core.observation import OBSERVATIONS, Feature, Observation, observation_of, register
+from fbql_behaviors.core.observation import OBSERVATIONS, Feature, Law, Observation, observation_of, register
 from fbql_behaviors.core.patterns import Demonstration, patterns_of
 from fbql_behaviors.core.recipes import recipe_of
 from fbql_behaviors.storage import load_tree, tree_to_bytes
@@ -63,6 +63,21 @@ def test_its_tree_is_made_again_from_its_demonstrations(shooting: Observation) -
     assert tree_to_bytes(tree) == (EXAMPLE / "shooting.json").read_bytes()
     readme = (EXAMPLE / "README.md").read_text()
     assert f"{tree.leaf_count} leaves from {len(patterns)} patterns" in readme
+
+
+@pytest.mark.parametrize(
+    ("law", "told"),
+    [
+        (lambda _: (1.0,), r"fails \(ValueError: not enough values to unpack .*\); it has to give left, right"),
+        (lambda _: (1.0, float("inf")), r"gives 1.0, inf; wheel velocities are finite numbers"),
+        (lambda observed: (observed[0] / 0.0, 1.0), r"fails \(ZeroDivisionError: .*\)"),
+    ],
+)
+def test_an_instructor_that_cannot_answer_is_one_line(law: Law, told: str, shooting: Observation) -> None:
+    OBSERVATIONS["shooting"] = replace(shooting, instructor=law)
+    with pytest.raises(BadInput, match=rf"the instructor of behavior 'shooting', asked with \(.*\), {told}") as refused:
+        instruct("shooting", 1, 1, 5)
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("again", [(), ("--merge",), ("--replay",)])
