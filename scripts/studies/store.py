@@ -33,7 +33,7 @@ class Store:
     Args:
         directory: made if it is not there.
         config: what the tasks depend on (study and options), as JSON values. A directory of the same study with other COUNTS
-            goes on with these; one where no task was done yet is anybody's.
+            goes on with these; one where no task ended yet is anybody's.
 
     Raises:
         BadInput: the directory can't be used, has other files in it, belongs to another study or other options, or a run
