@@ -9,4 +9,4 @@ sys.path[:0] = [os.path.join(HERE, os.pardir, "scripts"), HERE]  # noqa: PTH118
 from environment import enter  # noqa: E402
 
 if __name__ == "__main__":
-    enter("lockstep", package="measure")
+    enter("lockstep", module="measure.lockstep")

@@ -5,7 +5,7 @@ python docs/make_fusion.py [STUDY_DIRECTORY ...]
 
 Directories of studies (runs/study-paper, runs/study-ladder, ...) are taken into docs/data first: the table and its options as
 STUDY.json, what the figures are drawn from as STUDY_curves.json. Between the comments `<!-- table: STUDY: TITLE -->` or
-`<!-- figure: STUDY: NAME: CAPTION -->` and `<!-- end -->` stands what this writes; tests/core/test_docs_fusion.py fails
+`<!-- figure: STUDY: NAME: CAPTION -->` and `<!-- end -->` stands what this writes; tests/project/test_docs_fusion.py fails
 while it does not.
 """
 
@@ -16,12 +16,10 @@ import re
 import sys
 from pathlib import Path
 
+from fbql.statistics.tables import as_markdown
+from fbql_studies.runner.study import study_of
+
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent / "scripts"))
-
-from studies.study import study_of  # noqa: E402
-from studies.tables import as_markdown  # noqa: E402
-
 PAGE = HERE / "fusion.md"
 DATA = HERE / "data"
 IMAGES = HERE / "images"
@@ -58,7 +56,7 @@ def _made(kind: str, study: str, title: str, caption: str | None) -> str:
 
 def draw() -> list[Path]:
     """Draws the figures of every study that has data."""
-    from studies.fusion_figures import draw
+    from fbql_studies.fusion_figures import draw
 
     found = [DATA / f"{study}_curves.json" for study in STUDIES]
     return [file for path in found if path.exists() for file in draw(json.loads(path.read_text()), IMAGES)]

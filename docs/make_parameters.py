@@ -3,7 +3,7 @@
 source scripts/env.sh
 python docs/make_parameters.py
 
-tests/nodes/test_docs_parameters.py fails while the page is not what this would write.
+tests/project/test_docs_parameters.py fails while the page is not what this would write.
 """
 
 from __future__ import annotations

@@ -12,4 +12,4 @@ sys.path[:0] = [os.path.join(HERE, os.pardir, "scripts"), HERE]  # noqa: PTH118
 from environment import enter  # noqa: E402
 
 if __name__ == "__main__":
-    enter("episode", package="pictures")
+    enter("make_picture", module="fbql.pictures.episode")

@@ -3,7 +3,7 @@
 source scripts/env.sh
 python docs/make_tables.py
 
-A table stands between two comments, `<!-- table: STUDY: TITLE -->` and `<!-- end -->`. tests/core/test_docs_trees.py fails
+A table stands between two comments, `<!-- table: STUDY: TITLE -->` and `<!-- end -->`. tests/project/test_docs_trees.py fails
 while the page is not what this would write.
 """
 
@@ -11,16 +11,13 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
+from fbql.statistics.tables import as_markdown
+from fbql_studies.runner.study import study_of
+
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent / "scripts"))
-
-from studies.study import study_of  # noqa: E402
-from studies.tables import as_markdown  # noqa: E402
-
 PAGE = HERE / "trees.md"
 STUDIES = ("trees", "objectives", "leaf_tuning")
 PLACE = re.compile(r"(<!-- table: (\w+): (.*?) -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -28,7 +28,10 @@ from time import process_time
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
+from fbql.cli.parser import Parser
+from fbql.match.in_process import play
 from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters
@@ -39,9 +42,6 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.physics import Physics
 from fbql_sim.core.task import Task
 from fbql_sim.core.world_loop import WorldLoop
-from launcher.in_process import play
-from launcher.make_trees import SHIPPED
-from launcher.options import Parser
 
 PROGRAM = "episode.py"
 WARM_UP_SEED, SEED = 1, 2
@@ -83,7 +83,7 @@ def main(argv: Sequence[str]) -> int:
 def measure(controller: str, steps: int, rounds: int, warm_up: int = 0) -> dict[str, Any]:
     """The figures of a controller."""
     fusion = FusionParameters(controller=controller, seed=SEED, guided=0)
-    behaviors = [Behavior(name, load_tree(SHIPPED / f"{name}.json")) for name in fusion.behaviors]
+    behaviors = [Behavior(name, load_tree(shipped_trees() / f"{name}.json")) for name in fusion.behaviors]
     policy = learned(controller, behaviors, warm_up)
     episodes, digest = remembered(fusion, policy, behaviors, steps)
     count = sum(len(episode.commands) for episode in episodes)

@@ -22,6 +22,8 @@ from time import process_time
 from typing import Any
 
 import numpy as np
+from fbql.demonstrations.instruct import instruct
+from fbql.demonstrations.make_tree import DEMONSTRATION_SEED, INDUCTION_SEED
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.induction import induce
 from fbql_behaviors.core.observation import OBSERVATIONS, observation_of
@@ -29,8 +31,6 @@ from fbql_behaviors.core.patterns import Patterns, patterns_of
 from fbql_behaviors.core.quantizer import levels_of_classes
 from fbql_behaviors.core.recipes import RECIPES
 from fbql_common.core.errors import BadInput
-from launcher.instruct import instruct
-from launcher.make_trees import DEMONSTRATION_SEED, INDUCTION_SEED
 
 PROGRAM = "induction.py"
 DECISIONS = 2000

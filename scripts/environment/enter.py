@@ -1,4 +1,4 @@
-"""From a command's entry to its launcher: make sure of the environment, then become a process in it."""
+"""From a command's door to the command: make sure of the environment, then become a process in it."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ ENTERED = "_FBQL_ENTERED"
 _HELP = {"-h", "--help"}
 
 
-def enter(name: str, *, purpose: str = "run", package: str = "launcher") -> None:
-    """Run `PACKAGE.NAME.main(argv)` in the environment and exit with what it returns.
+def enter(name: str, *, purpose: str = "run", module: str = "") -> None:
+    """Run `fbql NAME`, or `MODULE.main(argv)` where a module is named, in the environment; exit with what it returns.
 
     `purpose` is run, test (adds the test tools) or study (adds what studies need, but not where only its help is asked for).
     Does not return.
     """
     if os.environ.pop(ENTERED, None) == str(os.getpid()):
-        module = importlib.import_module(f"{package}.{name}")
-        sys.exit(module.main(sys.argv[1:]))
+        if module:
+            sys.exit(importlib.import_module(module).main(sys.argv[1:]))
+        sys.exit(importlib.import_module("fbql.cli.app").run(name, sys.argv[1:], f"{name}.py"))
     if purpose == "study" and _HELP.intersection(sys.argv[1:]):
         purpose = "run"
     target, environ = environment_or_exit(purpose)

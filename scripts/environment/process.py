@@ -43,6 +43,7 @@ def process_environment(
     prepend(result, "PYTHONPATH", python_path)
     prepend(result, "LD_LIBRARY_PATH", libraries)
     result["VIRTUAL_ENV"] = str(target.venv)
+    result["FBQL_CHECKOUT"] = str(target.root)
     result.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     result.setdefault("PYTHONUNBUFFERED", "1")
     return result

@@ -22,8 +22,8 @@ from pathlib import Path
 from time import monotonic
 
 import pytest
+from places import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
 NODES = ("simulator", *BEHAVIORS, "fusion")
 PATIENCE_S = 60.0

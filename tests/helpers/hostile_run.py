@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 import yaml
-from fbql_analysis import open_run
 from fbql_behaviors.core.observation import Feature
 from fbql_behaviors.core.tree import Leaf, Split, Tree
 from fbql_behaviors.storage import tree_to_bytes
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_common.wire import encode_command, encode_decision, encode_output, encode_world
-from fbql_fusion.bag_metadata import Qos
-from fbql_fusion.recording import Attachment, Channel, Recorder
+from fbql_recording import open_run
+from fbql_recording.bag_metadata import Qos
+from fbql_recording.recorder import Attachment, Channel, Recorder
 from recorded_match import record_match
 
 HOSTILE = """</script><script>alert(1)</script><img src=x onerror=alert(2)>"'<!--&lt;\\u003c${alert(3)}"""

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-PLACE = Path(__file__).parents[1] / "system" / "read_with_node"
+PLACE = Path(__file__).with_name("read_with_node")
 
 
 MODULES = Path(os.environ.get("FBQL_NODE_MODULES", PLACE / "node_modules"))

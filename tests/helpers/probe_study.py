@@ -14,8 +14,9 @@ from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
+from fbql.statistics.tables import Row, Table
 from fbql_common.core.errors import BadInput
-from studies.study import Result, Row, Table, Task
+from fbql_studies.runner.study import Result, Task
 
 DESCRIPTION = "a study for tests"
 COLUMNS = {"mean": "the mean of what was drawn", "n": "of how many tasks"}

@@ -18,12 +18,12 @@ from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.session import Session
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import load_policy
-from fbql_fusion.run import Run
+from fbql_fusion.run_recorder import Run
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
+from places import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
-TREES = ROOT / "ros2_ws" / "src" / "fbql_behaviors" / "trees"
+TREES = ROOT / "ros2_ws" / "src" / "fbql_behaviors" / "fbql_behaviors" / "trees"
 
 Hear = Callable[[World, list[BehaviorOutput | None]], Sequence[BehaviorOutput | None]]
 """What fusion gets to hear of the answers to a world state."""

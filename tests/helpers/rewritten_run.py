@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
-from fbql_analysis import Message, open_run
-from fbql_fusion.bag_metadata import Qos
-from fbql_fusion.recording import Attachment, Channel, Recorder
+from fbql_recording import Message, open_run
+from fbql_recording.bag_metadata import Qos
+from fbql_recording.recorder import Attachment, Channel, Recorder
 
 Change = Callable[[Message], bytes | None]
 """The data of a message afterwards; None leaves it out."""

@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from places import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 REAL_PYTHON = Path(sys.base_prefix) / "bin" / "python3.12"
 START_TIMEOUT_S = 600
 
-KEPT_SCRIPTS = ("environment", "ros2", "env.sh", "test.py", "launcher/__init__.py", "launcher/test.py")
+KEPT_SCRIPTS = ("environment", "ros2", "env.sh", "test.py")
 KEPT_REQUIREMENTS = re.compile(
     r"(argcomplete|catkin-pkg|colcon-.*|distlib|docutils|empy|packaging|pyparsing|python-dateutil|pyyaml|setuptools|six)=="
 )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fbql_analysis import open_run
+from fbql.replay.recomputation import Team, recorded_parameters, recorded_policy, recorded_trees
+from fbql.replay.verification import Verification, verify
 from fbql_fusion.core.session import Session
-from launcher.recomputation import Team, recorded_parameters, recorded_policy, recorded_trees
-from launcher.verification import Verification, verify
+from fbql_recording import open_run
 
 
 def verification_of(path: Path) -> Verification:

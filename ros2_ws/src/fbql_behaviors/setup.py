@@ -17,13 +17,15 @@ setup(
     maintainer=maintainer.text,
     maintainer_email=maintainer.get("email"),
     packages=find_packages(),
+    package_data={name: ["trees/*.json"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
-        (f"share/{name}/trees", sorted(map(str, Path("trees").glob("*.json")))),
+        (f"share/{name}/trees", sorted(map(str, Path(name, "trees").glob("*.json")))),
     ],
-    install_requires=["setuptools"],
-    zip_safe=True,
+    install_requires=["setuptools", "numpy"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
     entry_points={
         "console_scripts": [
             "ball_seeking = fbql_behaviors.behavior_node:ball_seeking",

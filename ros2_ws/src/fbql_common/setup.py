@@ -20,6 +20,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
     ],
-    install_requires=["setuptools"],
-    zip_safe=True,
+    install_requires=["setuptools", "numpy"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
 )

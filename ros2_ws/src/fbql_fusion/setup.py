@@ -16,16 +16,14 @@ setup(
     maintainer=maintainer.text,
     maintainer_email=maintainer.get("email"),
     packages=find_packages(),
+    package_data={name: ["policies/*.npz"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
-        (f"share/{name}/policies", ["policies/fbql.npz"]),
+        (f"share/{name}/policies", [f"{name}/policies/fbql.npz"]),
     ],
-    install_requires=["setuptools"],
-    zip_safe=True,
-    entry_points={
-        "console_scripts": [
-            "fusion = fbql_fusion.fusion_node:main",
-        ]
-    },
+    install_requires=["setuptools", "numpy", "PyYAML"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    entry_points={"console_scripts": ["fusion = fbql_fusion.fusion_node:main"]},
 )

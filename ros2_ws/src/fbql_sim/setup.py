@@ -21,12 +21,8 @@ setup(
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
         (f"share/{name}/views", ["views/fbql.rviz", "views/fbql.foxglove.json"]),
     ],
-    install_requires=["setuptools"],
-    extras_require={"gymnasium": ["gymnasium>=1.0"]},
-    zip_safe=True,
-    entry_points={
-        "console_scripts": [
-            "simulator = fbql_sim.simulator_node:main",
-        ]
-    },
+    install_requires=["setuptools", "numpy", "pymunk"],
+    extras_require={"gymnasium": ["gymnasium>=1.0"], "test": ["pytest"]},
+    zip_safe=False,
+    entry_points={"console_scripts": ["simulator = fbql_sim.simulator_node:main"]},
 )

@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ament_index_python.packages import get_package_share_directory
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import parameter
 from fbql_common.core.types import World
@@ -26,6 +25,7 @@ from fbql_msgs.msg import BehaviorOutput
 
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.observation_loading import find_observation
+from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 
 
@@ -79,7 +79,7 @@ class BehaviorNode(GraphNode):
 def _shipped(behavior_name: str) -> Path:
     if not behavior_name:
         raise BadInput("behavior: no tree to run; say which with --ros-args -p tree_file:=FILE")
-    return Path(get_package_share_directory("fbql_behaviors")) / "trees" / f"{behavior_name}.json"
+    return shipped_trees() / f"{behavior_name}.json"
 
 
 def ball_seeking() -> int:

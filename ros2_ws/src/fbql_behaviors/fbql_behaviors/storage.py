@@ -19,6 +19,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, NoReturn
 
+from fbql_common.atomic_file import write_atomically
 from fbql_common.core.errors import BadInput
 
 from fbql_behaviors.core.behavior import check_features
@@ -48,16 +49,7 @@ def load_tree(path: Path) -> Tree:
 
 def save_tree(path: Path, tree: Tree) -> None:
     """Writes a tree, whole or not at all; a file that was there stays until then. Raises OSError."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("xb") as file:
-            file.write(tree_to_bytes(tree))
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except OSError:
-        temporary.unlink(missing_ok=True)
-        raise
+    write_atomically(path, tree_to_bytes(tree))
 
 
 def tree_to_bytes(tree: Tree) -> bytes:

@@ -40,7 +40,7 @@ from fbql_fusion.core.session import Session
 from fbql_fusion.episodes import Episodes
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import load_policy
-from fbql_fusion.run import INCOMPLETE, Run
+from fbql_fusion.run_recorder import INCOMPLETE, RunRecorder
 from fbql_fusion.status import Status
 
 _CHECK_PERIOD_S = 0.02
@@ -73,7 +73,7 @@ class FusionNode(GraphNode):
         self._inputs = (self._world_input, *output_inputs)
         self._status = Status(self._session, self._inputs)
         self.create_service(SavePolicy, "~/save_policy", self._on_save_policy)
-        self._run = Run(self._settings, self._session, self.resolve_topic_name, self.get_logger().error)
+        self._run = RunRecorder(self._settings, self._session, self.resolve_topic_name, self.get_logger().error)
 
         self._started = False
         self._command: WheelCommand | None = None

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from fbql_common.atomic_file import write_atomically
 from fbql_common.core.errors import BadInput
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from fbql_fusion.atomic_file import write_atomically
 from fbql_fusion.core.policy import Policy
 
 FORMAT_VERSION = 1

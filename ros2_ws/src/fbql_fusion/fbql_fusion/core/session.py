@@ -22,12 +22,12 @@ from fbql_common.core.types import (
     World,
     made_of,
 )
+from fbql_recording.core.metrics import Digest, EpisodeRecord, Summary, summarise
 
 from fbql_fusion.core.blending import blend
 from fbql_fusion.core.controllers import Learner, Subsumption, Transition
 from fbql_fusion.core.joint_state import JointState
 from fbql_fusion.core.making import make_controller
-from fbql_fusion.core.metrics import Digest, EpisodeRecord, Summary, summarise
 from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters, check_fusion
 from fbql_fusion.core.policy import Policy
 

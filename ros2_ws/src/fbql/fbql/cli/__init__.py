@@ -1,0 +1,1 @@
+"""The command line: finding and running commands, options, progress, errors and exit codes."""

@@ -1,0 +1,124 @@
+"""The `fbql` program: finds a command, runs it, and turns whatever ends it early into one line and an exit code.
+
+A command is a module with two functions:
+
+    parser(program: str) -> Parser                          its command line
+    run(arguments: Namespace, interrupts: Interrupts) -> int    does it; gives the exit code
+
+It raises `BadInput` for input that it refuses, `Interrupted` where a signal ended it before there was a result, and
+`Unwritable` for an output file that can't be written. A package of its own adds a command by an entry point of the group
+`fbql.commands` that names such a module.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.metadata import entry_points, version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fbql_common.core.errors import BadInput
+
+from fbql.cli.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
+from fbql.cli.interrupts import Interrupted, Interrupts
+from fbql.cli.missing import what_is_missing
+from fbql.cli.unwritable import Unwritable
+
+GROUP = "fbql.commands"
+
+
+class Command(NamedTuple):
+    """A command that ships."""
+
+    summary: str
+    notes_signals: bool = True
+    """Whether it ends in its own time on a signal, with what it has; otherwise Ctrl-C ends it at once."""
+
+
+COMMANDS = {
+    "bringup": Command("start the node graph, play, record and print the result"),
+    "train": Command("play the same match without ROS, in one process"),
+    "demonstrate": Command(
+        "record demonstrations of a behavior, by its instructor or by keyboard", notes_signals=False
+    ),
+    "induce": Command("make a decision tree from demonstrations", notes_signals=False),
+    "tree": Command("explain, export, check or import a tree file", notes_signals=False),
+    "tune": Command("tune the leaves of a tree by Q-learning", notes_signals=False),
+    "make_trees": Command("make the shipped trees again, from their seeds", notes_signals=False),
+    "replay": Command("play a recording again, verify it, or ask what if"),
+    "recover": Command("repair a damaged recording"),
+    "report": Command("write a page that explains a recording step by step"),
+    "compare": Command("put recordings side by side"),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """`fbql COMMAND ...`. Gives the exit code."""
+    words = sys.argv[1:] if argv is None else list(argv)
+    if not words or words[0] in ("-h", "--help"):
+        print(_usage(), file=sys.stdout if words else sys.stderr)
+        return DONE if words else BAD_INPUT
+    if words[0] == "--version":
+        print(version("fbql"))
+        return DONE
+    return run(words[0], words[1:])
+
+
+def executable() -> int:
+    """The command that this program is named after: `ros2 run fbql NAME`."""
+    name = Path(sys.argv[0]).name
+    return run(name, sys.argv[1:], name)
+
+
+def run(name: str, argv: Sequence[str], program: str = "") -> int:
+    """Runs a command. Gives the exit code.
+
+    Args:
+        program: what it calls itself; "fbql NAME" unless given.
+    """
+    program = program or f"fbql {name}"
+    interrupts = Interrupts()
+    if name not in COMMANDS or COMMANDS[name].notes_signals:
+        interrupts.install()  # before all else: importing takes a second, in which a signal would end in a traceback
+    try:
+        command = _find(name)
+        return command.run(command.parser(program).parse_args(list(argv)), interrupts)
+    except BadInput as error:
+        return _report(program, error, BAD_INPUT)
+    except Unwritable as error:
+        return _report(program, error, error.exit_code)
+    except Interrupted as error:
+        return _report(program, error, FAILED)
+    except KeyboardInterrupt:
+        return _report(program, "interrupted; nothing was written", INTERRUPTED)
+    except ModuleNotFoundError as error:
+        missing = what_is_missing(error.name or "")
+        if missing is None:
+            raise
+        return _report(program, missing, BAD_INPUT)
+
+
+def names() -> list[str]:
+    """Every command, those of other packages too."""
+    return list(dict.fromkeys((*COMMANDS, *(each.name for each in entry_points(group=GROUP)))))
+
+
+def _find(name: str) -> Any:
+    """The module of a command. Raises BadInput where there is none."""
+    if name in COMMANDS:
+        return import_module(f"fbql.commands.{name}")
+    for each in entry_points(group=GROUP, name=name):
+        return each.load()
+    raise BadInput(f"there is no command '{name}'; choose one of: {', '.join(names())}")
+
+
+def _report(program: str, what: object, code: int) -> int:
+    print(f"{program}: {what}", file=sys.stderr)
+    return code
+
+
+def _usage() -> str:
+    lines = [f"  {name:<12} {COMMANDS[name].summary if name in COMMANDS else ''}".rstrip() for name in names()]
+    return "\n".join(("usage: fbql COMMAND ...", "", *lines, "", "fbql COMMAND --help shows a command's options."))

@@ -1,0 +1,37 @@
+"""SIGINT, SIGTERM and SIGHUP to a command: noted, and acted on by its loop. The second one changes nothing."""
+
+from __future__ import annotations
+
+import signal
+from types import FrameType
+
+NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Interrupted(Exception):
+    """A signal ended the command before there was a result; the text says so."""
+
+
+class Interrupts:
+    """Notes, once installed, the first signal that asks for the end; `came` is its number, 0 before."""
+
+    def __init__(self) -> None:
+        self.came = 0
+
+    def install(self) -> None:
+        """Notes signals from now on, instead of what they do by themselves."""
+        for number in NUMBERS:
+            signal.signal(number, self._note)
+
+    @property
+    def name(self) -> str:
+        """The name of the signal that came."""
+        return signal.Signals(self.came).name
+
+    def check(self, so_far: str = "nothing was written") -> None:
+        """Raises Interrupted when a signal came."""
+        if self.came:
+            raise Interrupted(f"ended by {self.name}; {so_far}")
+
+    def _note(self, number: int, _frame: FrameType | None) -> None:
+        self.came = self.came or number

@@ -1,0 +1,34 @@
+"""What to do about a package that a command needs and that is not installed."""
+
+from __future__ import annotations
+
+ROS = frozenset(
+    {
+        *("ament_index_python", "builtin_interfaces", "diagnostic_msgs", "domain_coordinator", "fbql_msgs"),
+        *("geometry_msgs", "rcl_interfaces", "rclpy", "rosgraph_msgs", "std_msgs", "visualization_msgs"),
+    }
+)
+EXTRAS = {
+    "distributed": "studies",
+    "gymnasium": "gymnasium",
+    "matplotlib": "studies",
+    "pandas": "studies",
+    "pyarrow": "studies",
+    "sklearn": "studies",
+    "stable_baselines3": "peers",
+    "foxglove": "foxglove",
+}
+"""Package -> the extra of the distribution `fbql` that brings it."""
+
+
+def what_is_missing(module: str) -> str | None:
+    """One line about a module that could not be imported; None for one that no installation lacks."""
+    package = module.partition(".")[0]
+    if package in ROS:
+        return (
+            f"this needs ROS 2 Jazzy, and its package {package} can't be imported: source a ROS 2 workspace that has "
+            "this project built in it, or use python3 scripts/NAME.py of a clone, which installs ROS by itself"
+        )
+    if package in EXTRAS:
+        return f"this needs {package}, which is not installed: pip install 'fbql[{EXTRAS[package]}]'"
+    return None

@@ -1,0 +1,126 @@
+"""Brings up the graph, watches over it and reports the result: the main job of the project.
+
+Exit codes: 0 the match was played, or ended by a signal that asked for it; 1 it failed, or a signal came so early that
+there is no result; 2 bad input, nothing was started and nothing is left behind; 3 the recording is incomplete.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+import shutil
+
+from fbql_common.core.errors import BadInput
+from fbql_common.spin import refuse_security
+
+from fbql.cli.exit_codes import FAILED, INCOMPLETE
+from fbql.cli.interrupts import Interrupted, Interrupts
+from fbql.cli.panel import Panel, print_result
+from fbql.cli.parser import Parser
+from fbql.cli.places import typed
+from fbql.graph.domains import domain_from
+from fbql.graph.graph import Mode
+from fbql.graph.supervision import BEFORE_THE_MATCH, Supervision
+from fbql.match.in_process import rehearse
+from fbql.match.options import Match, make_run_directory, match_from, match_parser, policy_told, same_options
+from fbql.match.result import next_steps, summary_text
+
+START_TIMEOUT_S = 30.0
+FOXGLOVE_PORT = 8765
+"""The one that Foxglove looks at unless told otherwise."""
+
+
+def parser(program: str) -> Parser:
+    """The command line."""
+    result = match_parser(
+        program, "Brings up the ROS 2 graph, plays robot soccer, records the run and prints the result."
+    )
+    how = result.add_argument_group("how it runs")
+    how.add_argument(
+        "--processes", choices=("many", "one"), default="many", help="a process for each node, or one for all"
+    )
+    how.add_argument(
+        "--realtime",
+        type=float,
+        default=0.0,
+        metavar="F",
+        help="speed relative to real time; 0: lockstep, as fast as it goes",
+    )
+    how.add_argument("--record", action=argparse.BooleanOptionalAction, default=True, help="record the run to MCAP")
+    how.add_argument(
+        "--foxglove",
+        type=int,
+        nargs="?",
+        const=FOXGLOVE_PORT,
+        metavar="PORT",
+        help=f"serve every topic live to Foxglove, on this port of this machine ({FOXGLOVE_PORT}; 0: a free one); best "
+        "with --realtime. Needs requirements-foxglove.txt",
+    )
+    how.add_argument(
+        "--start-timeout",
+        type=float,
+        default=START_TIMEOUT_S,
+        metavar="S",
+        help="seconds within which every node must be up",
+    )
+    return result
+
+
+def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Plays the match. Gives the exit code."""
+    panel = Panel()
+    match, supervision = _prepared(arguments, panel, interrupts)
+    match = make_run_directory(match)
+    try:
+        code = supervision.run(match)
+    except (BadInput, Interrupted):
+        shutil.rmtree(match.out)  # nothing was played: leave nothing behind
+        raise
+    return _tell(match, code, panel, interrupts)
+
+
+def _prepared(arguments: argparse.Namespace, panel: Panel, interrupts: Interrupts) -> tuple[Match, Supervision]:
+    """All that can be refused is refused here, before there is a process or a directory."""
+    for name, low, high in (("realtime", 0, 100), ("start_timeout", 0.1, 3600)):
+        value = getattr(arguments, name)
+        if not low <= value <= high:
+            raise BadInput(f"--{name.replace('_', '-')} is {value:g}, outside of [{low:g}, {high:g}]")
+    refuse_security()
+    domain_id = domain_from()
+    match = match_from(arguments)
+    rehearse(match)
+    for note in match.notes:
+        panel.say(note)
+    interrupts.check(BEFORE_THE_MATCH)
+    mode = Mode(arguments.processes, arguments.realtime, arguments.record, arguments.start_timeout)
+    live = None
+    if arguments.foxglove is not None:
+        from fbql.graph.foxglove_live import FoxgloveLive
+
+        live = FoxgloveLive(arguments.foxglove)
+        panel.say(f"live in Foxglove: {live.address} (Open connection, Foxglove WebSocket)")
+    return match, Supervision(mode, domain_id, arguments.start_timeout, panel, interrupts, live)
+
+
+def _tell(match: Match, code: int, panel: Panel, interrupts: Interrupts) -> int:
+    run = match.out
+    path = run / "summary.json"
+    if not path.is_file():
+        cause = f"ended by {interrupts.name} before there was a result" if interrupts.came else "there is no summary"
+        panel.say(f"{cause}; see {run / 'log'}")
+        if recorded := next(run.glob("*.mcap.active"), None):
+            command = f"{typed('recover')} {shlex.quote(str(run))}"
+            panel.say(f"{recorded} was not finished; {command} gets out what it holds")
+        return code or FAILED
+    if interrupts.came:
+        panel.say(f"ended by {interrupts.name}; what was played until then is complete")
+    summary = json.loads(path.read_text())
+    told = summary_text(summary, run, match.simulation.dt_s, policy_told(match))
+    text = f"{told}\n{next_steps(summary, run, same_options(match), match.fusion.learn)}"
+    try:
+        print_result(json.dumps(summary) if match.json else text)
+    except OSError as error:
+        panel.say(f"the result can't be printed ({error.strerror}); it is in {path}")
+        return code or FAILED
+    return code or (INCOMPLETE if summary["incomplete"] else 0)

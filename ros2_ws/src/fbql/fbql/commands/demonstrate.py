@@ -1,0 +1,217 @@
+"""Records demonstrations of a behavior, by its scripted instructor or by a person; replays and merges them.
+
+The scripted instructor drives in the simulator in one process, as fast as it goes. A person drives live on the ROS graph
+(`fbql.keyboard`). Both make the same kind of recording, from which `induce.py` makes a tree.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from fbql_behaviors.core.instructors import INSTRUCTORS, Habits
+from fbql_behaviors.core.observation import observation_of
+from fbql_behaviors.core.patterns import Demonstration, patterns_of
+from fbql_behaviors.core.recipes import recipe_of
+from fbql_common.core.errors import BadInput
+
+from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
+from fbql.cli.interrupts import Interrupts
+from fbql.cli.observations import add_observation_option, know_observations
+from fbql.cli.panel import print_result, say
+from fbql.cli.parser import Parser
+from fbql.cli.places import new_path, typed
+from fbql.cli.words import counted
+from fbql.demonstrations.instruct import instruct, simulation_of, starts
+from fbql.demonstrations.merge import merge, recordings_of
+from fbql.demonstrations.origins import Origin, about_origins
+from fbql.demonstrations.recording import save_demonstrations
+from fbql.demonstrations.replay import verify
+from fbql.keyboard.show import show
+from fbql.terminal.screen import trouble_with_terminal
+
+SCRIPTED_SEED = 1
+SLOWEST, FASTEST = 0.01, 100.0
+"""Bounds of --realtime."""
+
+
+def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Records, replays or merges. Gives the exit code."""
+    _check_usage(arguments)
+    know_observations(arguments.observation, [arguments.behavior] if arguments.behavior else [])
+    if arguments.replay is not None:
+        return _replay(arguments, interrupts)
+    if arguments.merge is not None:
+        return _merge(arguments)
+    return _by_keyboard(arguments, interrupts) if arguments.keyboard else _by_script(arguments)
+
+
+def _by_script(arguments: argparse.Namespace) -> int:
+    behavior = arguments.behavior
+    seed = SCRIPTED_SEED if arguments.seed is None else arguments.seed
+    recipe = recipe_of(behavior)
+    count = recipe.demonstrations if arguments.demonstrations is None else arguments.demonstrations
+    steps = recipe.steps if arguments.steps is None else arguments.steps
+    out = arguments.out or new_path(f"demonstrations-{behavior}-s{seed}")
+    demonstrations = instruct(behavior, seed, count, steps, _progress(count))
+    seeds = {episode: start for episode, (start, _) in enumerate(islice(starts(behavior, seed), count))}
+    details = {"seed": seed, "habits": asdict(Habits())}
+    origin = Origin("scripted", simulation_of(behavior), seeds, details)
+    if not save_demonstrations(out, behavior, demonstrations, about_origins([origin])):
+        return INCOMPLETE
+    _tell(arguments, behavior, demonstrations, out)
+    return DONE
+
+
+def _by_keyboard(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
+    interrupts.install()
+    from fbql.keyboard.command import demonstrate_by_keyboard  # it brings ROS along, which the others do without
+
+    behavior = arguments.behavior
+    # Another sitting is to show other starts, so that the two are worth merging.
+    seed = int(np.random.SeedSequence().generate_state(1)[0]) if arguments.seed is None else arguments.seed
+    out = arguments.out or new_path(f"demonstrations-{behavior}-keyboard")
+    kept, well = demonstrate_by_keyboard(behavior, seed, arguments.realtime, out, arguments.ascii, interrupts)
+    if not kept:
+        say("nothing was demonstrated, nothing is written")
+        return FAILED
+    _tell(arguments, behavior, [each.demonstration for each in kept], out)
+    return DONE if well else FAILED
+
+
+def _merge(arguments: argparse.Namespace) -> int:
+    recordings = recordings_of(arguments.merge, arguments.behavior)
+    behavior = recordings[0].behavior
+    demonstrations, origins = merge(recordings)
+    out = arguments.out or new_path(f"demonstrations-{behavior}-merged")
+    know_observations([], [behavior])
+    if not save_demonstrations(out, behavior, demonstrations, about_origins(origins)):
+        return INCOMPLETE
+    _tell(arguments, behavior, demonstrations, out)
+    return DONE
+
+
+def _replay(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
+    recordings = recordings_of([arguments.replay], arguments.behavior)
+    behavior = recordings[0].behavior
+    know_observations([], [behavior])
+    verification = verify(recordings)
+    if not trouble_with_terminal():
+        show(recordings, arguments.realtime, arguments.ascii, interrupts)
+    demonstrations = [demonstration for recording in recordings for demonstration in recording.demonstrations]
+    if verification.first_difference:
+        say(verification.first_difference)
+    elif verification.without_start:
+        unknown = (
+            f"{verification.without_start} of {counted(len(demonstrations), 'demonstration')} do not say how they began"
+        )
+        say(f"{unknown}: they cannot be driven again")
+    else:
+        say(f"driven again: all {verification.steps} steps are the same, bit for bit")
+    verified = {"identical": verification.identical, "steps": verification.steps}
+    _tell(
+        arguments,
+        behavior,
+        demonstrations,
+        arguments.replay,
+        {**verified, "first_difference": verification.first_difference},
+    )
+    return DONE if verification.identical else FAILED
+
+
+def _tell(
+    arguments: argparse.Namespace,
+    behavior: str,
+    demonstrations: Sequence[Demonstration],
+    path: Path,
+    more: dict[str, object] | None = None,
+) -> None:
+    """Says what there is now, and what comes next."""
+    recipe = recipe_of(behavior)
+    patterns = len(patterns_of(demonstrations, observation_of(behavior), recipe.every, recipe.patterns))
+    say(f"{counted(len(demonstrations), 'demonstration')}, {counted(patterns, 'pattern')}: {path}")
+    if arguments.json:
+        result = {"demonstrations": len(demonstrations), "patterns": patterns, "path": str(path), **(more or {})}
+        print_result(json.dumps(result))
+    else:
+        observations = [word for each in arguments.observation for word in ("--observation", each)]
+        words = [behavior, "--demos", str(path), *observations]
+        say(f"Next: {typed('induce')} {shlex.join(words)}")
+
+
+def _progress(count: int) -> Callable[[int], None]:
+    def show(made: int) -> None:
+        print(
+            f"\r{made} of {counted(count, 'demonstration')}",
+            end="\n" if made == count else "",
+            file=sys.stderr,
+            flush=True,
+        )
+
+    return show if sys.stderr.isatty() else lambda _: None
+
+
+def _check_usage(arguments: argparse.Namespace) -> None:
+    modes = [name for name in ("keyboard", "replay", "merge") if getattr(arguments, name)]
+    if len(modes) > 1:
+        raise BadInput(f"--{modes[0]} and --{modes[1]} are two things; choose one")
+    mode = modes[0] if modes else ""
+    if arguments.behavior is None and mode in ("", "keyboard"):
+        raise BadInput(f"name the BEHAVIOR, one of: {', '.join(INSTRUCTORS)}")
+    for name, of in (("demonstrations", ("",)), ("steps", ("",)), ("seed", ("", "keyboard"))):
+        if getattr(arguments, name) is not None and mode not in of:
+            raise BadInput(f"--{name} does not go with --{mode}")
+    if not SLOWEST <= arguments.realtime <= FASTEST:
+        raise BadInput(f"--realtime is {arguments.realtime:g}, outside of [{SLOWEST:g}, {FASTEST:g}]")
+
+
+def parser(program: str) -> Parser:
+    """The command line."""
+    command = Parser(
+        prog=program,
+        description="Records demonstrations of a behavior as an MCAP recording: by its scripted instructor, or, with "
+        "--keyboard, by a person who drives live. Replays and merges recordings.",
+    )
+    command.add_argument("behavior", metavar="BEHAVIOR", nargs="?", help=f"such as: {', '.join(INSTRUCTORS)}")
+    modes = command.add_argument_group("instead of the scripted instructor")
+    modes.add_argument("--keyboard", action="store_true", help="drive yourself, with the keys that the screen shows")
+    modes.add_argument(
+        "--replay", type=Path, metavar="DIR", help="show demonstrations as recorded, and drive them again to compare"
+    )
+    modes.add_argument("--merge", type=Path, nargs="+", metavar="DIR", help="make one recording of several")
+    modes.add_argument(
+        "--realtime",
+        type=float,
+        default=1.0,
+        metavar="F",
+        help="--keyboard, --replay: speed relative to real time; 0.5 is slow motion (%(default)s)",
+    )
+    modes.add_argument(
+        "--ascii",
+        action="store_true",
+        help="--keyboard, --replay: draw without braille patterns, which some fonts lack",
+    )
+    command.add_argument(
+        "--seed",
+        type=int,
+        metavar="S",
+        help=f"seed of the starts and of the instructor's hand ({SCRIPTED_SEED}; --keyboard: another one each time)",
+    )
+    command.add_argument("--demonstrations", type=int, metavar="N", help="how many (what the behavior's recipe says)")
+    command.add_argument("--steps", type=int, metavar="N", help="steps of each at most (what the recipe says)")
+    command.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="directory to make; it must not exist (runs/TIME-demonstrations-BEHAVIOR-...)",
+    )
+    command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    add_observation_option(command)
+    return command

@@ -1,0 +1,112 @@
+"""What is sound in a damaged recording as a new run directory, and what of it is lost."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from contextlib import closing
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from fbql_recording.recovery.recovery import Recovery, recover
+from fbql_recording.recovery.survey import Loss
+
+from fbql.cli.exit_codes import DONE, INCOMPLETE
+from fbql.cli.interrupts import Interrupts
+from fbql.cli.panel import print_result
+from fbql.cli.parser import Parser
+from fbql.cli.progress_line import ProgressLine
+from fbql.cli.unwritable import Unwritable
+
+
+def parser(program: str) -> Parser:
+    """The command line."""
+    command = Parser(
+        prog=program,
+        description="Repairs a recording that was cut off or damaged: writes everything that is sound to a new run "
+        "directory, which every reader of bags reads to its end, and says what is lost. No message whose CRC does not "
+        "match is kept. The recording itself is never changed.",
+        epilog="Exit codes: 0 nothing is lost; 1 failed; 2 bad input, or nothing to recover; 3 something is lost: the new "
+        "recording is incomplete, and says so to whoever reads it.",
+    )
+    command.add_argument(
+        "run", type=Path, metavar="RUN", help="run directory, bag of ROS 2 (MCAP), .mcap or .mcap.active file"
+    )
+    command.add_argument("--out", type=Path, metavar="DIR", help="the new run directory (beside it, RUN_recovered)")
+    command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    command.add_argument("--allow-incomplete", action="store_true", help="exit with 0, not 3, where something is lost")
+    return command
+
+
+def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Recovers the recording. Gives 0, or 3 where something is lost."""
+    begun_s = monotonic()
+    with closing(ProgressLine()) as line:
+
+        def progress(words: str) -> None:
+            interrupts.check()
+            line.show(words)
+
+        try:
+            found = recover(arguments.run, arguments.out, progress)
+        except OSError as error:
+            raise Unwritable(error.filename or arguments.run, error) from None
+    print_result(json.dumps(_values(found, monotonic() - begun_s)) if arguments.json else _words(found))
+    return DONE if found.is_complete or arguments.allow_incomplete else INCOMPLETE
+
+
+def _values(found: Recovery, seconds: float) -> dict[str, Any]:
+    return {
+        "messages": found.messages,
+        "steps": found.steps,
+        "chunks_lost": found.chunks_lost,
+        "path": str(found.path),
+        "complete": found.is_complete,
+        "messages_lost": sum(found.messages_lost.values()),
+        "messages_lost_by_topic": found.messages_lost,
+        "steps_lost": max(found.messages_lost.values(), default=0),
+        "attachments_lost": found.attachments_lost,
+        "cut_off": bool(found.cut_off),
+        "lost_before": found.lost_before,
+        "lost": [
+            {
+                "file": name,
+                "begin": loss.begin,
+                "end": loss.end,
+                "why": loss.why,
+                "chunks": loss.chunks,
+                "start_ns": loss.start_ns,
+                "end_ns": loss.end_ns,
+                "messages": sum(loss.messages.values()),
+            }
+            for name, loss in found.losses
+        ],
+        "notes": found.notes,
+        "seconds": round(seconds, 3),
+    }
+
+
+def _words(found: Recovery) -> str:
+    lines = [f"recovered {found.messages} messages, {found.steps} steps"]
+    lines += [f"damaged, but nothing is lost by it: {note}" for note in found.notes]
+    lines += [f"lost: {name}: {_loss(loss)}" for name, loss in found.losses]
+    lines += [
+        f"lost: {name}: the file has no end; what came after the last flush is not in it" for name in found.cut_off
+    ]
+    lines += [f"lost before: {what}" for what in found.lost_before]
+    if found.messages_lost:
+        topics = ", ".join(f"{count} of {topic}" for topic, count in found.messages_lost.items())
+        lines.append(f"lost in all, at least: {sum(found.messages_lost.values())} messages ({topics})")
+    if found.is_complete:
+        lines.append("nothing is lost")
+    return "\n".join([*lines, f"recording  {found.path}"])
+
+
+def _loss(loss: Loss) -> str:
+    words = [loss.why]
+    if loss.start_ns is not None and loss.end_ns is not None:
+        words.append(f"{loss.start_ns / 1e9:.3f} s to {loss.end_ns / 1e9:.3f} s")
+    if loss.messages:
+        words.append(f"{sum(loss.messages.values())} messages")
+    return ", ".join(words)

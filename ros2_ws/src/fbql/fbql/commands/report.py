@@ -1,0 +1,121 @@
+"""A recorded run as one page that explains it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from fbql_common.core.errors import BadInput
+from fbql_recording import open_run
+from fbql_recording.tables import FORMATS, write_episodes, write_steps
+
+from fbql.cli.exit_codes import DONE, INCOMPLETE
+from fbql.cli.interrupts import Interrupts
+from fbql.cli.panel import print_result, warn
+from fbql.cli.parser import Parser
+from fbql.cli.progress_line import ProgressLine
+from fbql.report.page import write_page
+from fbql.report.texts import plain
+
+PAGE = "report.html"
+"""What the page in a run directory is called."""
+
+
+def parser(program: str) -> Parser:
+    """The command line."""
+    command = Parser(
+        prog=program,
+        description="Writes the report of a recorded run: one HTML page that needs no network, with the field, every "
+        "behavior's leaf in words, weights, Q, rewards, timelines, parameters and hashes.",
+        epilog="Exit codes: 0 done; 1 failed; 2 bad input; 3 done, but the recording is incomplete.",
+    )
+    command.add_argument("run", type=Path, metavar="RUN", help="run directory, bag of ROS 2 (MCAP), or .mcap file")
+    command.add_argument("--out", type=Path, metavar="FILE", help=f"the page (RUN/{PAGE}; beside an .mcap file)")
+    command.add_argument(
+        "--figures",
+        action="store_true",
+        help="write figures as well (PDF and SVG: steps, collisions, failures, success rate), and episodes and steps as "
+        "CSV and Parquet, into a directory beside the page",
+    )
+    command.add_argument("--force", action="store_true", help="replace a page and figures that are there")
+    command.add_argument("--allow-incomplete", action="store_true", help="exit with 0, not 3, where it is incomplete")
+    command.add_argument("--skip-corrupt", action="store_true", help="leave damaged chunks out instead of ending there")
+    command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    return command
+
+
+def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Writes the page. Gives 0, or 3 where the recording is incomplete."""
+    run = open_run(arguments.run, skip_corrupt=arguments.skip_corrupt)
+    out = arguments.out or default_page(run.path)
+    figures = out.with_name(f"{out.stem}-figures") if arguments.figures else None
+    for path in (out, figures):
+        if path is not None and path.exists() and not arguments.force:
+            raise BadInput(f"{path} exists; --force replaces it, --out FILE writes elsewhere")
+    found = _write(run, out, figures, interrupts)
+    warn(run.warnings)
+    print_result(json.dumps(found) if arguments.json else _words(found))
+    return DONE if arguments.allow_incomplete or run.is_complete else INCOMPLETE
+
+
+def default_page(run: Path) -> Path:
+    """Where the page of a run goes: into its directory, or beside a file."""
+    return run / PAGE if run.is_dir() else run.with_name(f"{run.name.split('.mcap')[0]}-{PAGE}")
+
+
+def _write(run: Any, out: Path, figures: Path | None, interrupts: Interrupts) -> dict[str, Any]:
+    """The page is there whole or not at all."""
+    total = max(run.counts.values(), default=0)
+
+    def progress(steps: int) -> None:
+        interrupts.check()
+        line.show(f"{what}: {steps} of {total} steps")
+
+    what = "page"
+    files: list[Path] = []
+    temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
+    try:
+        try:
+            with closing(ProgressLine()) as line:
+                with temporary.open("x", encoding="utf-8") as file:
+                    contents = write_page(run, file, progress)
+                if figures is not None:
+                    what = "tables"
+                    files = _figures(run, contents.episodes, figures, progress)
+            temporary.replace(out)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise BadInput(f"{out}: can't be written ({error.strerror or error})") from None
+    return {
+        "path": str(out),
+        "bytes": out.stat().st_size,
+        "steps": contents.steps,
+        "episodes": len(contents.episodes),
+        "complete": run.is_complete,
+        "files": [str(file) for file in files],
+    }
+
+
+def _figures(run: Any, episodes: Any, directory: Path, progress: Callable[[int], None]) -> list[Path]:
+    """Figures and tables of a run; gives the files."""
+    from fbql.report.figures import write_figures  # matplotlib takes a second, and is an extra
+
+    directory.mkdir(exist_ok=True)
+    controller = run.parameters.get("fusion", {}).get("controller", "")
+    files = write_figures(episodes, plain(f"{run.path.name} {controller}"), directory)
+    tables = {name: [directory / f"{name}{ending}" for ending in FORMATS] for name in ("episodes", "steps")}
+    write_episodes(run, *tables["episodes"], episodes=episodes)
+    write_steps(run, *tables["steps"], progress=progress)
+    return [*files, *tables["episodes"], *tables["steps"]]
+
+
+def _words(found: dict[str, Any]) -> str:
+    size = f"{found['bytes'] / 1e6:.1f} MB"
+    page = f"report {found['path']} ({size}; {found['steps']} steps, {found['episodes']} episodes)"
+    return "\n".join([page, *(f"file {file}" for file in found["files"])])

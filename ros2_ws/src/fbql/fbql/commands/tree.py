@@ -1,0 +1,202 @@
+"""Tree files: in words, in other languages, checked, and made from trees of scikit-learn."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from math import degrees, isfinite, radians
+from pathlib import Path
+from typing import Any
+
+from fbql_behaviors.core.explanation import explained, rules
+from fbql_behaviors.core.export import to_c, to_dot
+from fbql_behaviors.core.observation import observation_of
+from fbql_behaviors.core.partition_svg import partition_svg
+from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.sklearn_trees import from_arrays
+from fbql_behaviors.storage import MAX_BYTES, load_tree, save_tree, tree_to_bytes
+from fbql_common.core.errors import BadInput
+
+from fbql.cli.exit_codes import DONE
+from fbql.cli.interrupts import Interrupts
+from fbql.cli.observations import add_observation_option, know_observations
+from fbql.cli.panel import print_result
+from fbql.cli.parser import Parser
+from fbql.cli.unwritable import Unwritable
+from fbql.cli.words import counted
+
+FORMATS: Mapping[str, Callable[[Tree], str]] = {
+    "c": to_c,
+    "dot": to_dot,
+    "svg": partition_svg,
+    "json": lambda tree: tree_to_bytes(tree).decode(),
+}
+_SIGNED = re.compile(r"-[\d.]")
+
+
+class _TreeParser(Parser):
+    """Takes `--at -5,3` as `--at=-5,3`: argparse takes a word that begins with a minus for an option."""
+
+    def parse_args(self, args: Sequence[str], namespace: None = None) -> argparse.Namespace:  # type: ignore[override]
+        words: list[str] = []
+        for word in args:
+            if words and words[-1] == "--at" and _SIGNED.match(word):
+                words[-1] = f"--at={word}"
+            else:
+                words.append(word)
+        return super().parse_args(words, namespace)
+
+
+def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
+    """Does what is asked for. Gives 0."""
+    know_observations(arguments.observation)
+    try:
+        return arguments.run(arguments)
+    except OSError as error:  # of standard output
+        raise Unwritable("output", error) from None
+
+
+def _explain(arguments: argparse.Namespace) -> int:
+    tree = load_tree(arguments.file)
+    chosen = range(tree.leaf_count)
+    if arguments.at is not None:
+        chosen = [tree.answer(_observation(arguments.at, tree))[0]]
+    if arguments.json:
+        every = rules(tree)
+        leaves = [
+            {"leaf_id": k, "rule": every[k].sentence, "motion": every[k].what, **tree.leaves[k]._asdict()}
+            for k in chosen
+        ]
+        print_result(json.dumps({"behavior": tree.behavior, "sha256": tree.hash, "leaves": leaves}))
+    elif arguments.at is not None:
+        print_result(f"leaf {chosen[0]}: {rules(tree)[chosen[0]].sentence}")
+    else:
+        print_result(f"{_summary(tree)}\n{explained(tree)}")
+    return DONE
+
+
+def _observation(text: str, tree: Tree) -> tuple[float, ...]:
+    """What --at says, inside of the root region; angles are given in degrees."""
+    words = text.split(",")
+    if len(words) != len(tree.features):
+        names = ",".join(feature.name for feature in tree.features)
+        raise BadInput(f"--at {text}: {len(words)} values; this tree senses {names}")
+    values: list[float] = []
+    for word, feature in zip(words, tree.features, strict=True):
+        try:
+            value = float(word)
+        except ValueError:
+            raise BadInput(f"--at {text}: '{word}' is no number") from None
+        if not isfinite(value):
+            raise BadInput(f"--at {text}: {feature.name} is {word}; it must be finite")
+        values.append(radians(value) if feature.unit == "rad" else value)
+    inside = tree.clamp(values)
+    for given, taken, feature in zip(values, inside, tree.features, strict=True):
+        if given != taken:
+            print(f"--at {text}: {feature.name} lies outside of what the tree senses and is clamped", file=sys.stderr)
+    return inside
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    tree = load_tree(arguments.file)
+    if arguments.json:
+        print_result(json.dumps({"behavior": tree.behavior, "leaves": tree.leaf_count, "sha256": tree.hash}))
+    else:
+        print_result(f"{arguments.file}: sound. {_summary(tree)}")
+    return DONE
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    text = FORMATS[arguments.to](load_tree(arguments.file))
+    if arguments.out is None:
+        print_result(text.removesuffix("\n"))
+    else:
+        try:
+            arguments.out.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise Unwritable(arguments.out, error) from None
+        print(f"{arguments.out}: {len(text)} characters", file=sys.stderr)
+    return DONE
+
+
+def _import(arguments: argparse.Namespace) -> int:
+    know_observations([], [arguments.behavior])
+    features = observation_of(arguments.behavior).features
+    try:
+        tree = from_arrays(_read_json(arguments.file), arguments.behavior, features, {"method": "imported"})
+    except BadInput as error:
+        raise BadInput(f"{arguments.file}: {error}") from None
+    try:
+        save_tree(arguments.out, tree)
+    except OSError as error:
+        raise Unwritable(arguments.out, error) from None
+    print_result(f"{arguments.out}: {_summary(tree)}")
+    return DONE
+
+
+def _read_json(path: Path) -> Mapping[str, Any]:
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise BadInput(f"cannot be read ({error.strerror})") from None
+    if len(data) > MAX_BYTES:
+        raise BadInput(f"more than {MAX_BYTES} bytes; a tree is smaller")
+    try:
+        found: Any = json.loads(data)
+    except UnicodeDecodeError:
+        raise BadInput("not JSON: it is no text") from None
+    except json.JSONDecodeError as error:
+        raise BadInput(f"not JSON, or truncated: {error.msg} in line {error.lineno}") from None
+    except ValueError:  # Python reads no whole number of more than 4300 digits
+        raise BadInput("a number has too many digits") from None
+    except RecursionError:
+        raise BadInput("nested too deeply") from None
+    if not isinstance(found, dict):
+        raise BadInput("expected an object with the arrays of a scikit-learn tree")
+    return found
+
+
+def _summary(tree: Tree) -> str:
+    senses = ", ".join(
+        f"{feature.name} {degrees(feature.low):.0f} to {degrees(feature.high):.0f} degrees"
+        if feature.unit == "rad"
+        else f"{feature.name} {feature.low:g} to {feature.high:g} {feature.unit}".strip()
+        for feature in tree.features
+    )
+    return f"{tree.behavior}: {counted(tree.leaf_count, 'leaf', 'leaves')}; senses {senses}; SHA-256 {tree.hash}"
+
+
+def parser(program: str) -> Parser:
+    """The command line."""
+    result = _TreeParser(prog=program, description="Explains, exports, checks and imports tree files.")
+    commands = result.add_subparsers(required=True, metavar="COMMAND", parser_class=Parser)
+
+    def command(name: str, run: Callable[[argparse.Namespace], int], text: str, file: str) -> argparse.ArgumentParser:
+        own = commands.add_parser(name, help=text, description=text)
+        own.set_defaults(run=run)
+        own.add_argument("file", type=Path, metavar="FILE", help=file)
+        add_observation_option(own)
+        return own
+
+    explain = command("explain", _explain, "says what each leaf does and where, a rule a line", "tree file")
+    explain.add_argument(
+        "--at",
+        metavar="A,B",
+        help="the rule for this observation only; angles in degrees; clamped to what the tree senses",
+    )
+    explain.add_argument("--json", action="store_true", help="print one JSON object")
+    export = command("export", _export, "writes a tree as C99, DOT, a picture of its partition, or JSON", "tree file")
+    export.add_argument("--to", choices=tuple(FORMATS), required=True, help="what to write")
+    export.add_argument("--out", type=Path, metavar="F", help="file to write (stdout)")
+    check = command("check", _check, "says whether a tree file is sound, and what it holds", "tree file")
+    check.add_argument("--json", action="store_true", help="print one JSON object")
+    imports = command(
+        "import", _import, "makes a tree file of a scikit-learn tree's arrays", "JSON file with the arrays"
+    )
+    imports.add_argument("--behavior", required=True, metavar="NAME", help="behavior that the tree is for")
+    imports.add_argument("--out", type=Path, required=True, metavar="F", help="tree file to write")
+    return result

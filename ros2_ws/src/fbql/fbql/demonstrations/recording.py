@@ -1,0 +1,112 @@
+"""Writes demonstrations as a recording that `ros2 bag` accepts; `fbql_behaviors.demonstration_storage` reads it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from fbql_behaviors.core.patterns import Demonstration
+from fbql_behaviors.demonstration_storage import BEHAVIOR_KEY
+from fbql_common.core.errors import BadInput
+from fbql_common.core.types import WheelCommand, World
+from fbql_common.topics import STEP_QOS, WHEEL_COMMAND, WORLD
+from fbql_common.wire import encode_command, encode_world, type_name
+from fbql_recording.bag_metadata import qos_of
+from fbql_recording.message_definitions import schema_text, type_hash
+from fbql_recording.recorder import Channel, Recorder
+
+PAUSE_NS = 1_000_000_000
+"""Time between the demonstrations of `in_sequence` [ns]."""
+_WORLD, _COMMAND = 0, 1
+
+
+def say(text: str) -> None:
+    """Prints a line for people."""
+    print(text, file=sys.stderr)
+
+
+def save_demonstrations(
+    directory: Path,
+    behavior: str,
+    demonstrations: Sequence[Demonstration],
+    about: Mapping[str, object],
+    report: Callable[[str], None] = say,
+) -> bool:
+    """Records demonstrations into a new directory; see `write_demonstrations`.
+
+    Raises BadInput when the directory exists or cannot be made.
+    """
+    make_directory(directory)
+    return write_demonstrations(directory, behavior, demonstrations, about, report)
+
+
+def make_directory(directory: Path) -> None:
+    """Makes the directory of a recording. Raises BadInput when it exists or cannot be made."""
+    try:
+        directory.mkdir(parents=True)
+    except FileExistsError:
+        raise BadInput(f"{directory} exists; demonstrations are never overwritten, choose another directory") from None
+    except OSError as error:
+        raise BadInput(f"{directory}: cannot be made ({error.strerror}); choose another directory") from None
+
+
+def write_demonstrations(
+    directory: Path,
+    behavior: str,
+    demonstrations: Sequence[Demonstration],
+    about: Mapping[str, object],
+    report: Callable[[str], None] = say,
+) -> bool:
+    """Records demonstrations into a directory without a recording; `about` goes with them, each value as JSON.
+
+    False when the disk failed meanwhile; `report` is told why. Raises BadInput when it can't be written there at all.
+    """
+    custom_data = {BEHAVIOR_KEY: behavior, **{key: json.dumps(value) for key, value in about.items()}}
+    recorder = Recorder(directory, _channels(), custom_data, (), report)
+    for demonstration in demonstrations:
+        for world, command in zip(demonstration.worlds, demonstration.commands, strict=True):
+            recorder.write(_WORLD, encode_world(world), world.stamp_ns)
+            recorder.write(_COMMAND, encode_command(command), command.stamp_ns)
+        recorder.flush()
+    recorder.close()
+    return not recorder.failed
+
+
+def in_sequence(demonstrations: Iterable[Demonstration]) -> list[Demonstration]:
+    """The same demonstrations as the episodes 0, 1, ... of one recording, in which time never goes back.
+
+    Those of several recordings, or with some left out, become one that any tool can play from its start to its end.
+    """
+    made: list[Demonstration] = []
+    end_ns = 0
+    for episode, demonstration in enumerate(demonstrations):
+        shift_ns = end_ns + PAUSE_NS - demonstration.worlds[0].stamp_ns
+        worlds = tuple(
+            world._replace(episode=episode, stamp_ns=world.stamp_ns + shift_ns) for world in demonstration.worlds
+        )
+        commands = tuple(
+            command._replace(episode=episode, stamp_ns=command.stamp_ns + shift_ns)
+            for command in demonstration.commands
+        )
+        made.append(Demonstration(worlds, commands))
+        end_ns = worlds[-1].stamp_ns
+    return made
+
+
+def _channels() -> list[Channel]:
+    def share(package: str) -> Path:
+        return Path(get_package_share_directory(package))
+
+    return [
+        Channel(
+            f"/{topic}",
+            type_name(kind),
+            schema_text(type_name(kind), share),
+            type_hash(type_name(kind), share),
+            qos_of(STEP_QOS),
+        )
+        for topic, kind in ((WORLD, World), (WHEEL_COMMAND, WheelCommand))
+    ]

@@ -1,0 +1,1 @@
+"""A match as a graph of ROS nodes: processes, domain, start barrier, supervision."""

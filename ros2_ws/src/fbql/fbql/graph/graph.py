@@ -1,0 +1,101 @@
+"""The graph of a match: which processes it is made of, and the parameters of each node."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+from ament_index_python.packages import get_package_prefix
+from fbql_common.core.errors import BadInput
+
+from fbql.match.in_process import own_observation
+from fbql.match.options import Match
+
+LOCKSTEP_TIMEOUT_S = 10.0
+"""How long a step may take in a supervised graph before the run ends, naming who is missing [s]."""
+_START_GRACE_S = 5.0
+
+
+class Mode(NamedTuple):
+    """How a match is run as a graph."""
+
+    processes: str
+    """many: a process for each node; one: one for all."""
+    realtime: float
+    """Speed relative to real time; 0: lockstep."""
+    record: bool
+    start_timeout_s: float = 30.0
+    """Within this the graph must be up."""
+
+
+def node_names(match: Match) -> list[str]:
+    """Every node of the graph."""
+    return ["simulator", *match.behaviors, "fusion"]
+
+
+def write_parameters(match: Match, mode: Mode) -> Path:
+    """Writes the parameters of every node as a ROS parameter file. Raises BadInput where that can't be done."""
+    path = match.out / "log" / "parameters.yaml"
+    nodes: dict[str, dict[str, Any]] = {
+        "simulator": {
+            **asdict(match.simulation),
+            "seed": match.fusion.seed,
+            "realtime": float(mode.realtime),
+            # A little more than fusion's: fusion can name the behavior that is missing.
+            "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S + 2.0,
+        },
+        "fusion": {
+            **asdict(match.fusion),
+            "run_directory": str(match.out),
+            "record": mode.record,
+            "policy": str(match.policy or ""),
+            "tree_files": [str(file) for file in match.behaviors.values()],
+            "config_file": str(path),
+            # Supervised and in lockstep nobody plays on without a behavior: the run ends, naming it.
+            "behavior_timeout_s": 0.1 if mode.realtime > 0 else 0.0,
+            "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S,
+            # The start barrier names who is not there; fusion names who is there and can't be heard.
+            "start_timeout_s": mode.start_timeout_s + _START_GRACE_S,
+        },
+    }
+    for name, tree_file in match.behaviors.items():
+        nodes[name] = {"tree_file": str(tree_file), **own_observation(match, name)}
+    document = {f"/{name}": {"ros__parameters": parameters} for name, parameters in nodes.items()}
+    try:
+        path.write_text(yaml.safe_dump(document, sort_keys=False))
+    except OSError as error:
+        raise BadInput(f"{path}: can't be written ({error.strerror}); choose another place for the run") from None
+    return path
+
+
+def commands(match: Match, mode: Mode, parameters: Path) -> dict[str, list[str]]:
+    """The command line of each process of the graph; the last one holds the fusion node.
+
+    Raises:
+        BadInput: an executable is not there.
+    """
+    # What a node prints is kept as it is; a second copy by the logging library would only double it.
+    ros = ["--ros-args", "--params-file", str(parameters), "--disable-external-lib-logs"]
+    if mode.processes == "one":
+        program = str(Path(__file__).with_name("one_process.py"))
+        return {"graph": [sys.executable, "-P", program, *match.behaviors, *ros]}
+    result = {"simulator": [executable("fbql_sim", "simulator"), *ros]}
+    for name in match.behaviors:
+        own = executable("fbql_behaviors", name, required=False)
+        result[name] = [own or executable("fbql_behaviors", "behavior"), *ros]
+        if not own:
+            result[name] += ["-r", f"__node:={name}", "-p", f"name:={name}"]
+    return {**result, "fusion": [executable("fbql_fusion", "fusion"), *ros]}
+
+
+def executable(package: str, name: str, required: bool = True) -> str:
+    """The file that `ros2 run PACKAGE NAME` would run; "" where there is none and none is required."""
+    path = Path(get_package_prefix(package)) / "lib" / package / name
+    if path.is_file():
+        return str(path)
+    if required:
+        raise BadInput(f"package '{package}' has no executable '{name}': build the workspace again")
+    return ""

@@ -1,0 +1,75 @@
+"""Keys to wheel velocities, for keyboards that tell when a key is pressed, and repeat it, but not when it is released.
+
+The speed stays where it was put: each press changes it by one level. The turn is let go as soon as presses stop coming:
+a tap turns by a few degrees, holding the key (the terminal repeats it) turns on, and faster after a while. So one hand
+steers, as in a car, and nothing has to be turned back.
+
+All velocities are whole levels of the paper's 29 (`fbql_behaviors.core.quantizer`), so that a pattern's class is exactly
+what was driven.
+"""
+
+from __future__ import annotations
+
+from fbql_behaviors.core.quantizer import rad_s_of
+
+from fbql.terminal.keys import Key
+
+FASTEST_LEVEL = 8
+"""Highest speed [levels]: 1.0 m/s, beyond which nobody reacts in time."""
+FASTEST_BACK_LEVEL = 4
+"""Highest speed backwards [levels]."""
+HOLD_S = 0.13
+"""How long a press of a turn key turns [s]: longer than terminals take between repeats (0.03 to 0.1)."""
+REPEAT_S = 0.2
+"""Presses of a turn key that are no farther apart than this are one that is held, or drummed [s]."""
+STRONGER_S = 0.25
+"""A turn key that is held turns one level more each time this has passed [s]."""
+STRONGEST_TURN = 3
+"""Strongest turn: difference between the wheels [levels], 5.4 rad/s."""
+
+
+class Driving:
+    """What the wheels are asked for. Times are those of any steady clock [s]."""
+
+    def __init__(self) -> None:
+        self.speed = 0
+        """Speed [levels], negative backwards."""
+        self._side = 0
+        self._begun_s = 0.0
+        self._pressed_s = float("-inf")
+
+    def press(self, key: Key, now_s: float) -> None:
+        """Takes a key that drives; others change nothing."""
+        if key is Key.FASTER:
+            self.speed = min(self.speed + 1, FASTEST_LEVEL)
+        elif key is Key.SLOWER:
+            self.speed = max(self.speed - 1, -FASTEST_BACK_LEVEL)
+        elif key is Key.STOP:
+            self.stop()
+        elif key in (Key.LEFT, Key.RIGHT):
+            side = 1 if key is Key.LEFT else -1
+            if side != self._side or now_s - self._pressed_s > REPEAT_S:
+                self._begun_s = now_s
+            self._side, self._pressed_s = side, now_s
+
+    def stop(self) -> None:
+        """Wheels at rest."""
+        self.speed = 0
+        self._side, self._pressed_s = 0, float("-inf")
+
+    def turn(self, now_s: float) -> int:
+        """The turn at this moment [levels between the wheels], positive to the left."""
+        if now_s - self._pressed_s > HOLD_S:
+            return 0
+        return self._side * min(1 + int((now_s - self._begun_s) / STRONGER_S), STRONGEST_TURN)
+
+    def levels(self, now_s: float) -> tuple[int, int]:
+        """The levels (left, right) at this moment. An odd turn slows the inner wheel rather than speeding up the outer."""
+        turn = self.turn(now_s)
+        inner, outer = self.speed - (abs(turn) + 1) // 2, self.speed + abs(turn) // 2
+        return (inner, outer) if turn >= 0 else (outer, inner)
+
+    def command(self, now_s: float) -> tuple[float, float]:
+        """The wheel velocities (left, right) at this moment [rad/s]."""
+        left, right = self.levels(now_s)
+        return rad_s_of(left), rad_s_of(right)

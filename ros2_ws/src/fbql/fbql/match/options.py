@@ -1,0 +1,279 @@
+"""The options of a match, shared by bringup (ROS) and train (in-process)."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, cast
+
+from fbql_behaviors.shipped import shipped_trees
+from fbql_behaviors.storage import load_tree
+from fbql_common.core.errors import BadInput
+from fbql_common.core.parameters import from_mapping, limits_of, types_of
+from fbql_fusion.core.making import LEARNERS
+from fbql_fusion.core.parameters import CONTROLLERS, PRESETS, FusionParameters, check_fusion
+from fbql_fusion.shipped import shipped_policy
+from fbql_recording.run_directory import create_next_run_directory, create_run_directory
+from fbql_sim.core.parameters import SimulationParameters
+
+from fbql.cli.observations import add_observation_option, know_observations
+from fbql.cli.parser import Help, Parser
+from fbql.cli.places import RUNS
+
+DEFAULT_GOALS = 10
+RESERVED_NAMES = {"simulator", "fusion", "bringup", "behavior"}
+_OF_THE_RUN = {"controller", "seed", "episodes", "goals", "guided", "learn"}
+"""Parameters that the next run chooses anew."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """What is to be played, and where the run goes."""
+
+    fusion: FusionParameters
+    simulation: SimulationParameters
+    behaviors: dict[str, Path]
+    """Tree file of each behavior, in the order of fusion.behaviors."""
+    policy: Path | None
+    out: Path
+    """The run directory. Unless the user named it, it is only known for sure when it is made."""
+    out_named: bool
+    json: bool
+    trees: Path | None = None
+    """The directory of the trees, if the user named one."""
+    observations: dict[str, str] = field(default_factory=dict[str, str])
+    """FILE.py:NAME of what a behavior of the user's own senses, by the behavior that its tree file names."""
+    notes: tuple[str, ...] = ()
+    """What the user may not expect of how it starts, in a line each."""
+
+
+def match_parser(program: str, description: str) -> Parser:
+    """A parser with the options that every way of playing a match has."""
+    parser = Parser(prog=program, description=description, formatter_class=Help)
+    play = parser.add_argument_group("what is played")
+    play.add_argument(
+        "--controller", choices=CONTROLLERS, help="who fuses the behaviors (fbql; with --preset alone, subsumption)"
+    )
+    play.add_argument("--preset", choices=tuple(PRESETS), help="thresholds of Subsumption (tuned)")
+    play.add_argument("--episodes", type=int, metavar="N", help="end after N episodes, guided ones not counted")
+    play.add_argument("--goals", type=int, metavar="N", help=f"end after N goals (without --episodes: {DEFAULT_GOALS})")
+    play.add_argument(
+        "--guided",
+        type=int,
+        metavar="N",
+        help="guided episodes before that (20 for a controller that learns and starts without a policy, else 0)",
+    )
+    play.add_argument(
+        "--max-steps", type=int, default=4000, metavar="N", help="steps after which an episode is truncated: a timeout"
+    )
+    play.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="seed of the run; every episode's seed is derived from it"
+    )
+    play.add_argument(
+        "--learn", action=argparse.BooleanOptionalAction, default=True, help="go on learning, where the controller can"
+    )
+    play.add_argument(
+        "--policy",
+        metavar="FILE",
+        help="policy.npz of an earlier run to start from, or none; without it fbql starts from the policy that ships, "
+        "unless it has other behaviors or other trees, or is to be guided; the other controllers start from nothing",
+    )
+    play.add_argument(
+        "--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior (the trees that ship)"
+    )
+    add_observation_option(play)
+    play.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="any other parameter of fusion or simulation, such as tie_rule=first or ball_robot_friction=0.1; may be repeated",
+    )
+    result = parser.add_argument_group("what comes out")
+    result.add_argument(
+        "--out", type=Path, metavar="DIR", help="run directory to make; it must not exist (runs/TIME-CONTROLLER-sSEED)"
+    )
+    result.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    return parser
+
+
+def match_from(arguments: argparse.Namespace) -> Match:
+    """The match that the arguments describe.
+
+    Raises:
+        BadInput: a value out of range, an unknown parameter, a file that is not there.
+    """
+    goals = arguments.goals
+    if goals is None:
+        goals = 0 if arguments.episodes is not None else DEFAULT_GOALS
+    for option in ("episodes", "goals"):
+        if getattr(arguments, option) is not None and getattr(arguments, option) < 1:
+            raise BadInput(f"--{option} is {getattr(arguments, option)}; it must be 1 or more")
+    values: dict[str, Any] = {
+        "controller": arguments.controller or ("subsumption" if arguments.preset else "fbql"),
+        "preset": arguments.preset or "tuned",
+        "episodes": arguments.episodes or 0,
+        "goals": goals,
+        "seed": arguments.seed,
+        "learn": arguments.learn,
+    }
+    if arguments.guided is not None:
+        values["guided"] = arguments.guided
+    simulation: dict[str, Any] = {"max_steps": arguments.max_steps}
+    for setting in arguments.set:
+        _add_setting(setting, values, simulation)
+    fusion = from_mapping(FusionParameters, values, "fusion")
+    check_fusion(fusion, "fusion")
+    for name in RESERVED_NAMES & set(fusion.behaviors):
+        raise BadInput(f"parameter 'behaviors' has '{name}', which is the name of another node")
+    behaviors = {name: _tree_file(name, arguments.trees) for name in fusion.behaviors}
+    fits = _are_shipped(behaviors)
+    shipped = fusion.controller == "fbql" and fusion.guided <= 0 and fits
+    policy = _policy(arguments.policy, shipped)
+    return Match(
+        fusion=fusion,
+        simulation=from_mapping(SimulationParameters, simulation, "simulation"),
+        behaviors=behaviors,
+        policy=policy,
+        out=_out(arguments.out, fusion),
+        out_named=arguments.out is not None,
+        json=arguments.json,
+        trees=arguments.trees and arguments.trees.absolute(),
+        observations=know_observations(arguments.observation),
+        notes=tuple(_notes(fusion, policy, fits, asked=arguments.policy is not None)),
+    )
+
+
+def _notes(fusion: FusionParameters, policy: Path | None, fits: bool, asked: bool) -> Iterator[str]:
+    if policy is not None or fusion.controller not in LEARNERS:
+        return
+    if fusion.controller == "fbql" and not (fits or asked):
+        yield "starts from nothing: the policy that ships belongs to the trees that ship; --policy FILE is another's"
+    if not fusion.learn:
+        yield f"{fusion.controller} neither learns nor has a policy: its weights are those of the start; give --policy FILE"
+
+
+def _are_shipped(behaviors: dict[str, Path]) -> bool:
+    """Whether these are the behaviors that the shipped policy was learned with, whichever copies of their trees."""
+    if list(behaviors) != FusionParameters().behaviors:
+        return False
+    try:
+        return all(load_tree(path).hash == load_tree(_tree_file(name, None)).hash for name, path in behaviors.items())
+    except BadInput:
+        return False  # it is said where the tree is played
+
+
+def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any]) -> None:
+    name, equals, text = setting.partition("=")
+    for values, declaration in ((fusion, FusionParameters), (simulation, SimulationParameters)):
+        if equals and name in limits_of(declaration):
+            values[name] = parsed(text, types_of(declaration)[name], name)
+            return
+    known = [*limits_of(FusionParameters), *limits_of(SimulationParameters)]
+    if not equals or not name:
+        raise BadInput(f"--set {setting}: write NAME=VALUE; docs/parameters.md has the names")
+    raise BadInput(f"--set {setting}: fusion and simulation have no parameter '{name}'; {similar(name, known)}")
+
+
+def similar(name: str, known: Sequence[str]) -> str:
+    """What to write instead of a name that nothing has: those like it, or where all of them are."""
+    found = get_close_matches(name, known)
+    return f"did you mean {' or '.join(found)}?" if found else "docs/parameters.md has the names"
+
+
+def parsed(text: str, kind: Any, name: str) -> Any:
+    """The value that a text says, of a parameter of this kind. Raises BadInput."""
+    if kind is bool:
+        if text in ("true", "false"):
+            return text == "true"
+        raise BadInput(f"--set {name}: '{text}' is neither true nor false")
+    if kind == list[str]:
+        return [item.strip() for item in text.split(",") if item.strip()]
+    try:
+        return kind(text)
+    except ValueError:
+        expected = "whole number" if kind is int else "number"
+        raise BadInput(f"--set {name}: '{text}' is no {expected}") from None
+
+
+def _tree_file(name: str, directory: Path | None) -> Path:
+    path = (directory or shipped_trees()) / f"{name}.json"
+    if not path.is_file():
+        raise BadInput(f"no tree for behavior '{name}': {path} is not there")
+    return path.resolve()
+
+
+def _policy(given: str | None, shipped: bool) -> Path | None:
+    """The policy file to start from, if any."""
+    if given is None:
+        return shipped_policy() if shipped else None
+    if given == "none":
+        return None
+    path = Path(given)
+    if path.is_dir():
+        raise BadInput(f"--policy {path}: a directory; a run keeps its policy in {path / 'policy.npz'}")
+    if not path.is_file():
+        raise BadInput(f"--policy {path}: no such file")
+    return path.resolve()
+
+
+def _out(out: Path | None, fusion: FusionParameters) -> Path:
+    if out is not None:
+        return out.absolute()
+    return RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"
+
+
+def policy_told(match: Match) -> tuple[str, str] | None:
+    """In a word, and in more, the policy that a match begins from; None where the controller has none."""
+    if match.fusion.controller not in LEARNERS:
+        return None
+    if match.policy is None:
+        return "none", "it began from nothing"
+    if match.policy == shipped_policy():
+        return "shipped", "which it began from; --policy none: from nothing"
+    return "given", f"which it began from: {match.policy}"
+
+
+def same_options(match: Match) -> str:
+    """The options by which bringup has the behaviors, trees and parameters of a match again, for a shell; each after a space.
+
+    What the next run chooses anew is left out: controller, policy, seed, how many episodes or goals, whether it learns.
+    """
+    words = [word for source in match.observations.values() for word in ("--observation", source)]
+    if match.trees is not None:
+        words += "--trees", str(match.trees)
+    for values, usual in ((match.fusion, FusionParameters()), (match.simulation, SimulationParameters())):
+        for name in limits_of(type(values)):
+            if name not in _OF_THE_RUN and (value := getattr(values, name)) != getattr(usual, name):
+                words += "--set", f"{name}={set_text(value)}"
+    return "".join(f" {shlex.quote(word)}" for word in words)
+
+
+def set_text(value: object) -> str:
+    """A parameter's value as --set takes it."""
+    if isinstance(value, list):
+        return ",".join(cast("list[str]", value))
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def make_run_directory(match: Match) -> Match:
+    """Makes the run directory, and for one in runs/ of this checkout that directory as well. Gives the match that is there.
+
+    Raises:
+        BadInput: it exists, or can't be made.
+    """
+    path = match.out
+    if path.parent == RUNS:
+        try:
+            RUNS.mkdir(exist_ok=True)
+        except OSError as error:
+            raise BadInput(f"{RUNS}: can't be made ({error.strerror}); name a run directory with --out") from None
+    if match.out_named:
+        create_run_directory(path)
+        return match
+    return replace(match, out=create_next_run_directory(RUNS, path.name))

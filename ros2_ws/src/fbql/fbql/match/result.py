@@ -1,0 +1,99 @@
+"""The result of a match in words, and what to do with it."""
+
+from __future__ import annotations
+
+import csv
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fbql.cli.places import typed
+from fbql.cli.words import counted, percent
+
+
+def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tuple[str, str] | None = None) -> str:
+    """The summary as a newcomer reads it.
+
+    Args:
+        run: the run directory.
+        dt_s: simulated time of one step [s].
+        policy: in a word, and in more, the policy that the match began from; None for a controller that has none.
+    """
+    episodes, goals, rate = summary["episodes"], summary["goals"], summary["success_rate"]
+    success = "" if rate is None else f", success rate {percent(rate)}"
+    mean, cost = summary["mean_steps_per_goal"], summary["cost_per_goal"]
+    took = "no goal" if mean is None else f"steps on average, {mean * dt_s:.1f} s of play"
+    cost_text = "no goal" if cost is None else "steps of all episodes, for each goal"
+    recorded = summary["messages_recorded"]
+    rows: list[tuple[str, Any, str]] = [
+        ("goals", goals, ""),
+        ("own goals", summary["own_goals"], ""),
+        ("timeouts", summary["timeouts"], "episodes that ended without a goal"),
+        ("a goal took", _number(mean), took),
+        ("a goal cost", _number(cost), cost_text),
+        ("collisions", summary["collisions_begun"], f"with a wall, {summary['collision_steps']} steps in contact"),
+        *([("policy", *policy)] if policy else []),
+        *_guided(run / "episodes.csv"),
+        ("played", summary["steps"], f"steps{_pace(summary, dt_s)}"),
+        ("digest", summary["digest"][:8], "of every step; the same match in lockstep has the same"),
+        ("recording", recorded or "none", f"{'messages in ' if recorded else ''}{run}"),
+    ]
+    if summary["incomplete"]:
+        rows.append(("", "NOT WHOLE", f"something could not be kept: see {run / 'log'}"))
+    title = f"{summary['controller']}, seed {summary['seed']}: {counted(goals, 'goal')} in {counted(episodes, 'episode')}{success}"
+    lines = [f"  {name:<11} {value!s:>9}  {meaning}".rstrip() for name, value, meaning in rows]
+    return "\n".join(["", title, "", *lines])
+
+
+def _number(value: float | None) -> str:
+    return "n/a" if value is None else f"{value:.0f}"
+
+
+def _pace(summary: Mapping[str, Any], dt_s: float) -> str:
+    """How fast it was; nothing where nobody measured."""
+    if not summary["wall_s"]:
+        return ""
+    rate = summary["steps_per_s"]
+    return f" in {summary['wall_s']:.1f} s: {rate:.0f} steps/s, {rate * dt_s:.3g} times real time"
+
+
+def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
+    """The row of the guided episodes; none where there were none."""
+    try:
+        with episodes.open(newline="") as file:
+            count = sum(row["phase"] == "guided" for row in csv.DictReader(file))
+    except (OSError, KeyError):
+        return []
+    return [("guided", count, "episodes first, which only the lines below count")] if count else []
+
+
+def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: bool = True) -> str:
+    """What to type next.
+
+    Args:
+        same: the options by which bringup has the same behaviors, trees and parameters again.
+        learn: whether the controller could go on learning.
+    """
+    bringup = f"{typed('bringup')}{same}"
+    player = f"{bringup} --controller {summary['controller']}"
+    place = shlex.quote(str(run))
+    if (run / "policy.npz").is_file():
+        player += f" --policy {shlex.quote(str(run / 'policy.npz'))}"
+        other = player, "go on with what was learned" if learn else "learn on from the policy that was played"
+        player += "" if learn else " --no-learn"
+    elif summary["controller"] == "subsumption":
+        shipped = not same  # the policy that ships fits the usual behaviors, trees and parameters
+        meaning = "fused by what was learned" if shipped else "and fbql that learns to fuse them"
+        other = f"{bringup}{'' if shipped else ' --policy none'}", f"the same behaviors, {meaning}"
+    else:
+        other = f"{bringup} --controller subsumption", "the same behaviors, by priorities instead"
+    steps = [other, (f"{player} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
+    if summary["messages_recorded"]:
+        steps.append((f"{typed('report')} {place}", "a page that shows what happened, step by step, and why"))
+    if summary["messages_recorded"] and summary["incomplete"]:
+        steps.append((f"{typed('recover')} {place}", "a whole recording of what is sound, and what was lost"))
+    elif summary["messages_recorded"]:
+        meaning = f"what was recorded, where ROS 2 is installed; Foxglove opens {run.name}_0.mcap in there"
+        steps.append((f"ros2 bag info {place}", meaning))
+    return "\n".join(["", "Next:", *(f"  {command}\n      {meaning}" for command, meaning in steps)])

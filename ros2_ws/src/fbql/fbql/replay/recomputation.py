@@ -1,0 +1,157 @@
+"""A recorded run played again in this process: the recorded world states through trees and a session of our own.
+
+The simulator has no part in it: the world states are those of the recording, and so is which answers came in time.
+Everything else that it takes is inside of the recording too: every parameter with the seed, the trees, the policy before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.core.observation import OBSERVATIONS
+from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.observation_loading import find_observation
+from fbql_behaviors.storage import tree_from_bytes
+from fbql_common.core import recording_names
+from fbql_common.core.errors import BadInput
+from fbql_common.core.parameters import from_mapping
+from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.core.policy import Policy
+from fbql_fusion.core.session import Session
+from fbql_fusion.node_parameters import FusionNodeParameters
+from fbql_fusion.policy_storage import policy_from_bytes
+from fbql_recording import Run
+
+
+class OutOfPlace(Exception):
+    """A recorded step that the schedule has not there; the text says why."""
+
+
+class Retold:
+    """A session that is led through the steps of a recording: its episodes begin, and begin again, where they did."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self._under_way: int | None = None
+        self._step = -1
+
+    def enter(self, episode: int, step: int, begins_again: bool) -> None:
+        """Brings the session to where it decides a step. Raises OutOfPlace."""
+        if self._under_way is None:
+            begun = self.session.next_episode()
+            if begun is None:
+                raise OutOfPlace("the run was over before")
+            if begun[0] != episode:
+                raise OutOfPlace(f"episode {begun[0]} comes next")
+            self._under_way, self._step = episode, -1
+        if self._under_way != episode:
+            raise OutOfPlace(f"episode {self._under_way} has not ended")
+        # Recordings of before there was a note of it: the step that goes back tells it.
+        if begins_again or step <= self._step:
+            self.session.restart_episode()
+        self._step = step
+
+    def left(self, ended: bool) -> None:
+        """A step was decided; `ended`: it was the episode's last."""
+        if ended:
+            self._under_way = None
+
+
+def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
+    """The parameters of fusion that were in force, and what of them this release has otherwise, in words.
+
+    Raises:
+        BadInput: the recording has none, or one is out of range.
+    """
+    found = run.parameters.get("fusion")
+    if not found:
+        raise BadInput(
+            f"{run.path}: no parameters in it; only a recording that the fusion node made can be computed again"
+        )
+    ours = [field.name for field in fields(FusionParameters)]
+    others = {field.name for field in fields(FusionNodeParameters)}
+    lacking = [name for name in ours if name not in found]
+    unknown = [name for name in found if name not in {*ours, *others}]
+    notes = [f"not in the recording, their defaults are taken: {', '.join(lacking)}"] if lacking else []
+    notes += [f"parameters of the recording that are unknown here: {', '.join(unknown)}"] if unknown else []
+    values = {name: found[name] for name in ours if name in found}
+    return from_mapping(FusionParameters, values, f"{run.path}: config.yaml"), notes
+
+
+def recorded_policy(run: Run) -> Policy | None:
+    """The policy that the run started from, if it did. Raises BadInput."""
+    data = run.attachments.get(recording_names.POLICY_BEFORE)
+    if data is not None:
+        return policy_from_bytes(data, f"{run.path}: {recording_names.POLICY_BEFORE}")
+    if run.parameters.get("fusion", {}).get("policy"):
+        raise BadInput(f"{run.path}: it started from a policy, which is not in the recording")
+    return None
+
+
+def recorded_trees(run: Run) -> dict[str, Tree]:
+    """The trees in the recording, by their hashes. Raises BadInput for one that is damaged."""
+    trees: dict[str, Tree] = {}
+    for name, data in run.attachments.items():
+        if name.startswith(recording_names.TREES):
+            try:
+                tree = tree_from_bytes(data)
+            except BadInput as error:
+                raise BadInput(f"{run.path}: {name}: {error}") from None
+            trees[tree.hash] = tree
+    return trees
+
+
+class Team:
+    """The behaviors of a recording, made from its trees as their answers ask for them.
+
+    Args:
+        trees: by hash.
+        observations: FILE.py:NAME of what behaviors of the user's own sense, by behavior. Code from a recording is
+            never run; only what the user names or has installed.
+    """
+
+    def __init__(self, run: Run, trees: Mapping[str, Tree], observations: Mapping[str, str]) -> None:
+        self._run = run
+        self._trees = trees
+        self._observations = observations
+        self._made: dict[tuple[str, str], Behavior | None] = {}
+        self.missing: dict[str, str] = {}
+        """Why answers of a behavior can't be computed again, by its name."""
+
+    def behavior(self, name: str, tree_hash: str) -> Behavior | None:
+        """The behavior that answers with a tree; None where it can't be made, and `missing` says why."""
+        key = (name, tree_hash)
+        if key not in self._made:
+            self._made[key] = self._make(name, tree_hash)
+        return self._made[key]
+
+    def _make(self, name: str, tree_hash: str) -> Behavior | None:
+        tree = self._trees.get(tree_hash)
+        if tree is None:
+            self.missing[name] = f"its tree (SHA-256 {tree_hash[:12]}) is not in the recording"
+            return None
+        source = self._observations.get(tree.behavior, "")
+        copy = self._run.attachments.get(f"{recording_names.OBSERVATIONS}{name}.py")
+        if not source and copy is not None and tree.behavior not in OBSERVATIONS:
+            self.missing[name] = (
+                "what it senses is defined in a file of the user's: name it with --observation "
+                f"(the recording has a copy, {recording_names.OBSERVATIONS}{name}.py)"
+            )
+            return None
+        return Behavior(name, tree, find_observation(tree.behavior, source))
+
+
+def changed(run: Run, revision: str, here: Mapping[str, str]) -> list[str]:
+    """The software that a recording was made with in another version than is here, a line each."""
+    versions: Mapping[str, Any] = {
+        **run.config.get("versions", {}),
+        "revision": run.config.get("git_revision", revision),
+    }
+    return [
+        f"recorded with {name} {versions[name]}, here is {version}"
+        for name, version in {**here, "revision": revision}.items()
+        if name in versions and str(versions[name]) != version
+    ]

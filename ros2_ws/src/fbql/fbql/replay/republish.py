@@ -1,0 +1,327 @@
+"""`replay.py RUN`: every recorded message onto ROS again, as the bytes that were recorded, with /clock.
+
+On a domain of its own, so that a graph that is alive is not disturbed. Each topic has the quality of service that it
+was recorded with. A reliable topic waits now and then until its subscribers have acknowledged what was published: what
+is replayed faster than it was recorded overtakes nobody.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import closing, nullcontext
+from time import monotonic, sleep
+from typing import Any
+
+import rclpy
+from fbql_common.core.errors import BadInput
+from fbql_common.spin import refuse_security
+from fbql_common.topics import CLOCK
+from fbql_recording import Message, Run, Topic
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
+
+from fbql.cli.interrupts import Interrupts
+from fbql.cli.panel import print_result
+from fbql.cli.progress_line import ProgressLine
+from fbql.graph.domains import MAX_DOMAIN_ID, free_domain
+from fbql.replay.keys import Keys
+from fbql.replay.pace import Order, Pace
+from fbql.replay.topics import message_class, qos_of
+from fbql.replay.views import ReplayViews
+
+NODE = "replay"
+NS = 1_000_000_000
+_LOOK_S = 0.02
+_TWIN_S = 1.0
+"""For so long a domain that somebody named is looked at for others who publish the same [s]."""
+_PATIENCE_S = 4.0
+"""For so long a subscriber may take to acknowledge before the replay goes on without [s]."""
+_ASK_AGAIN = Duration(seconds=0.02)
+_DEPTH = 20
+"""Messages of a topic that may wait to be acknowledged. 10 are a fourth slower, bursts of 80 overflow a subscriber."""
+
+
+def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Replays a run. Gives 0. Raises BadInput."""
+    window = _Window(run, arguments)
+    topics = _topics(run, arguments.topics)
+    refuse_security()
+    domain = arguments.domain
+    if domain is not None and not 0 <= domain <= MAX_DOMAIN_ID:
+        raise BadInput(f"--domain {domain}: a domain is a number from 0 to {MAX_DOMAIN_ID}")
+    with nullcontext(domain) if domain is not None else free_domain() as domain_id:
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        with (
+            closing(Stage(run, topics, domain_id, arguments.clock, views=arguments.topics is None)) as stage,
+            closing(ProgressLine()) as line,
+            Keys() as keys,
+        ):
+            if domain is not None:
+                stage.refuse_twins(interrupts)
+            say(f"replaying {run.path} in ROS_DOMAIN_ID={domain_id}: {len(topics)} topics, {window.words}")
+            if keys.are_read:
+                say("space: pause, go on; s: a step; q: quit")
+            stage.wait_for_subscribers(arguments.wait, interrupts, may_have_twins=domain is not None)
+            replayed = _Replay(run, arguments, window, stage, line, keys, interrupts).play()
+            if arguments.json:
+                found = {"domain": domain_id, "topics": stage.names, "left_out": stage.left_out, **replayed}
+                print_result(json.dumps({**found, "complete": run.is_complete}))
+    return 0
+
+
+def say(text: str) -> None:
+    """A line on stderr."""
+    print(text, file=sys.stderr, flush=True)
+
+
+class _Window:
+    """Which part of the recording is replayed."""
+
+    def __init__(self, run: Run, arguments: argparse.Namespace) -> None:
+        for name, low in (("rate", 0.0), ("start", 0.0), ("duration", 0.0), ("wait", 0.0)):
+            value = getattr(arguments, name)
+            if value is not None and not (math.isfinite(value) and value >= low):
+                raise BadInput(f"--{name} {value:g}: must be {low:g} or more")
+        if run.start_ns is None or run.end_ns is None:
+            raise BadInput(f"{run.path}: no messages in it; there is nothing to replay")
+        self.start_ns = run.start_ns + round(arguments.start * NS)
+        self.end_ns = run.end_ns + 1
+        if arguments.duration is not None:
+            self.end_ns = min(self.end_ns, self.start_ns + round(arguments.duration * NS))
+        if self.start_ns > run.end_ns:
+            raise BadInput(
+                f"--start {arguments.start:g}: the recording is {(run.end_ns - run.start_ns) / NS:.3f} s long"
+            )
+        self.words = f"{(self.end_ns - 1 - self.start_ns) / NS:.1f} s"
+        self.words += f" at {arguments.rate:g} times real time" if arguments.rate else " as fast as it goes"
+
+
+def _topics(run: Run, wanted: list[str] | None) -> list[Topic]:
+    if wanted is None:
+        return list(run.topics.values())
+    names = {name if name.startswith("/") else f"/{name}" for name in wanted}
+    unknown = sorted(names - run.topics.keys())
+    if unknown:
+        raise BadInput(f"{run.path}: no topic {unknown[0]} in it; there are {', '.join(sorted(run.topics))}")
+    return [run.topics[name] for name in run.topics if name in names]
+
+
+class Stage:
+    """The node that publishes what was recorded, and views of it where somebody looks.
+
+    Topics whose type is not installed, or was recorded with another definition, are left out with a line that says so.
+
+    Args:
+        clock: whether the time is published.
+        views: whether poses and markers are made of the world states.
+
+    Raises:
+        BadInput: nothing is left.
+    """
+
+    def __init__(self, run: Run, topics: list[Topic], domain_id: int, clock: bool, views: bool) -> None:
+        self._context = rclpy.Context()
+        args = ["--ros-args", "--disable-external-lib-logs"]
+        rclpy.init(
+            args=args, context=self._context, domain_id=domain_id, signal_handler_options=SignalHandlerOptions.NO
+        )
+        self._domain_id = domain_id
+        self._node = Node(
+            NODE, context=self._context, use_global_arguments=False, enable_rosout=False, start_parameter_services=False
+        )
+        self._outlets: dict[str, Outlet] = {}
+        self.left_out: list[str] = []
+        """Topics that can't be published."""
+        for topic in topics:
+            try:
+                self._outlets[topic.name] = Outlet(self._node, message_class(topic), topic.name, qos_of(topic))
+            except BadInput as error:
+                say(f"left out: {error}")
+                self.left_out.append(topic.name)
+        if not self._outlets:
+            self.close()
+            raise BadInput("none of the topics can be published here")
+        self._views = ReplayViews(self._node, run, self.names if views else [])
+        self._clock: Outlet | None = None
+        """Where /clock was not recorded; a recorded one is among the outlets."""
+        if clock and CLOCK not in self._outlets:
+            self._clock = Outlet(self._node, Clock, CLOCK, QoSProfile(depth=_DEPTH))
+        self._clock_ns = -1
+
+    @property
+    def names(self) -> list[str]:
+        """Topics that are published."""
+        return list(self._outlets)
+
+    def publish(self, message: Message) -> None:
+        """Publishes a message, and the time before it where that is a new one."""
+        if message.log_time_ns != self._clock_ns and self._clock is not None:
+            self._clock_ns = message.log_time_ns
+            clock = Clock()
+            clock.clock.sec, clock.clock.nanosec = divmod(self._clock_ns, NS)
+            self._clock.publish(clock)
+        self._outlets[message.topic].publish(message.data)
+        self._views.show(message.topic, message.data)
+
+    def refuse_twins(self, interrupts: Interrupts) -> None:
+        """Raises BadInput where somebody who publishes one of the topics in this domain is found within `_TWIN_S`."""
+        deadline = monotonic() + _TWIN_S
+        while monotonic() < deadline and not interrupts.came:
+            self._refuse_twin()
+            sleep(_LOOK_S)
+
+    def wait_for_subscribers(self, patience_s: float, interrupts: Interrupts, may_have_twins: bool) -> None:
+        """Until every topic has a subscriber, or for so long [s]: what is published before is lost to them.
+
+        On a busy machine a twin may be found as late as now. Raises BadInput for it.
+        """
+        deadline = monotonic() + patience_s
+        while monotonic() < deadline and not interrupts.came:
+            if may_have_twins:
+                self._refuse_twin()
+            if all(outlet.publisher.get_subscription_count() for outlet in self._all()):
+                return
+            sleep(_LOOK_S)
+
+    def _refuse_twin(self) -> None:
+        for name in self._outlets:
+            if self._node.count_publishers(name) > 1:
+                raise BadInput(
+                    f"somebody publishes {name} in ROS_DOMAIN_ID={self._domain_id} already; "
+                    "end that, or leave --domain out to get a free domain"
+                )
+
+    def settle(self) -> int:
+        """Waits until everything was acknowledged. Gives how often, up to now, somebody did not in time."""
+        deadline_s = monotonic() + _PATIENCE_S
+        for outlet in self._all():
+            outlet.settle(deadline_s)
+        return sum(outlet.late for outlet in self._all())
+
+    def _all(self) -> list[Outlet]:
+        return [*([] if self._clock is None else [self._clock]), *self._outlets.values()]
+
+    def close(self) -> None:
+        """Ends the node."""
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+class Outlet:
+    """One topic that is published. Where it is reliable and its history bounded, it waits for its subscribers to
+    acknowledge what would fall out of it next."""
+
+    def __init__(self, node: Node, message_type: type, name: str, qos: QoSProfile) -> None:
+        if qos.durability is DurabilityPolicy.VOLATILE:
+            # How many wait to be acknowledged is our business alone: late subscribers get none of them.
+            qos.history, qos.depth = HistoryPolicy.KEEP_LAST, _DEPTH
+        self.publisher = node.create_publisher(message_type, name, qos)
+        self._publish = self.publisher.publish
+        # In a full history the next message takes the place of the first. It is when its history is full that Fast DDS
+        # asks its readers at once; otherwise it asks every 3 s.
+        is_bounded = qos.reliability is not ReliabilityPolicy.BEST_EFFORT and qos.history is HistoryPolicy.KEEP_LAST
+        self._depth = qos.depth if is_bounded else 0
+        self._unacknowledged = 0
+        self.late = 0
+        """How often a subscriber that is there did not acknowledge in time."""
+
+    def publish(self, data: Any) -> None:
+        """Publishes a message, or recorded bytes as they are."""
+        if self._depth and self._unacknowledged == self._depth:
+            self.settle(monotonic() + _PATIENCE_S)
+        self._publish(data)
+        self._unacknowledged += 1
+
+    def settle(self, deadline_s: float) -> None:
+        """Waits until everything was acknowledged, or so long (on the steady clock)."""
+        if not (self._depth and self._unacknowledged):
+            return
+        self._unacknowledged = 0
+        while self.publisher.get_subscription_count() and not self.publisher.wait_for_all_acked(_ASK_AGAIN):
+            if monotonic() > deadline_s:
+                self.late += 1
+                return
+
+
+class _Replay:
+    """One replay, from its begin to its end."""
+
+    def __init__(
+        self,
+        run: Run,
+        arguments: argparse.Namespace,
+        window: _Window,
+        stage: Stage,
+        line: ProgressLine,
+        keys: Keys,
+        interrupts: Interrupts,
+    ) -> None:
+        self._run = run
+        self._window = window
+        self._stage = stage
+        self._line = line
+        self._keys = keys
+        self._interrupts = interrupts
+        self._loop: bool = arguments.loop
+        self._pace = Pace(arguments.rate, monotonic, self._orders, self._show)
+        self._at_ns = window.start_ns
+        self._messages = 0
+        self._covered_ns = 0
+
+    def play(self) -> dict[str, float]:
+        """Replays; gives what came of it, as it stands in --json."""
+        begun_s = monotonic()
+        again = True
+        while again:
+            self._pace.restart()
+            before = self._messages
+            for message in self._recorded():
+                if not self._pace.wait(message.log_time_ns):
+                    break
+                self._at_ns = message.log_time_ns
+                self._stage.publish(message)
+                self._messages += 1
+                self._show()
+            self._covered_ns += self._at_ns - self._window.start_ns
+            again = self._loop and not self._pace.quit and self._messages > before
+        wall_s = monotonic() - begun_s
+        late = self._stage.settle()
+        self._line.close()
+        covered_s = self._covered_ns / NS
+        say(
+            f"replayed {self._messages} messages, {covered_s:.1f} s in {wall_s:.1f} s: {covered_s / wall_s:.1f} times real time"
+        )
+        if self._pace.went_back:
+            say(f"the recording's time went back {self._pace.went_back} times; nothing was waited for there")
+        if late:
+            say(f"{late} times a subscriber did not acknowledge within {_PATIENCE_S:g} s; it may have missed some")
+        return {
+            "messages": self._messages,
+            "replayed_s": covered_s,
+            "seconds": round(wall_s, 3),
+            "times_real_time": round(covered_s / wall_s, 2),
+            "went_back": self._pace.went_back,
+            "late": late,
+        }
+
+    def _recorded(self) -> Iterator[Message]:
+        return self._run.messages(self._stage.names, self._window.start_ns, self._window.end_ns)
+
+    def _orders(self, patience_s: float) -> list[Order]:
+        # Python waits on after a signal: a long wait would be deaf to it.
+        orders = self._keys.pressed(patience_s)
+        return [*orders, Order.QUIT] if self._interrupts.came else orders
+
+    def _show(self) -> None:
+        window = self._window
+        at, length = (self._at_ns - window.start_ns) / NS, (window.end_ns - 1 - window.start_ns) / NS
+        paused = "  paused" if self._pace.is_paused else ""
+        self._line.show(f"{at:.2f} of {length:.2f} s, {self._messages} messages{paused}")

@@ -1,0 +1,262 @@
+"""`replay.py RUN --set ... --trees ...`: what would have been decided, and where and by how much that differs."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+from collections.abc import Iterable, Sequence
+from contextlib import closing, nullcontext
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TextIO
+
+from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.observation_loading import find_observation
+from fbql_behaviors.storage import load_tree
+from fbql_common.core.errors import BadInput
+from fbql_common.core.parameters import from_mapping, types_of
+from fbql_fusion.core.fbql_value_parameters import FbqlValueParameters
+from fbql_fusion.core.parameters import FROM_PRESET, FusionParameters, check_fusion
+from fbql_fusion.core.policy import Policy
+from fbql_fusion.core.session import Session
+from fbql_fusion.policy_storage import load_policy
+from fbql_recording import Run
+
+from fbql.cli.interrupts import Interrupts
+from fbql.cli.observations import know_observations
+from fbql.cli.panel import print_result
+from fbql.cli.progress_line import ProgressLine
+from fbql.match.options import parsed, similar
+from fbql.replay.recomputation import recorded_parameters, recorded_policy
+from fbql.replay.what_if import Compared, Tallies, Tally, compared
+from fbql.replay.what_if_figure import Figure
+
+NO_POLICY = "none"
+_SAY_STEPS = 1024
+_SHOWN_EPISODES = 40
+_ENDLESS = {"episodes": 0, "goals": 0}
+"""The recording says when a run is over."""
+_SUBSUMPTIONS = frozenset({"preset", "wall_threshold_m", "approach_threshold_rad", "layers"})
+_FEATURES = frozenset(
+    {
+        *("fbql_leaf_pairs", "fbql_pair_tilings", "fbql_pair_tiles", "fbql_joint_tilings", "fbql_joint_tiles"),
+        "fbql_mirror",
+    }
+)
+"""Those of what both learners tell situations apart by."""
+_LITERALS = frozenset(
+    {
+        *("learning_rate", "discount", "weight_gain", "weight_offset", "gain_low", "gain_high", "weight_floor"),
+        *("tie_rule", "initial_q"),
+    }
+)
+"""Parameters that one controller alone has; those of fbql begin with its name."""
+
+
+def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Computes a run with what the arguments change, and prints how that differs. Gives 0. Raises BadInput."""
+    recorded, notes = recorded_parameters(run)
+    parameters = _changed(recorded, arguments)
+    policy = _policy(run, recorded, parameters, arguments.policy, notes)
+    behaviors = _behaviors(run, arguments)
+    session = Session(from_mapping(FusionParameters, {**asdict(parameters), **_ENDLESS}, "fusion"), policy)
+    changes = {name: [was, now] for name, was in asdict(recorded).items() if (now := asdict(parameters)[name]) != was}
+    tallies = Tallies(run.behaviors)
+    total = max(run.counts.values(), default=0)
+    figure = Figure(run.behaviors, total)
+    with closing(ProgressLine()) as line, _table(arguments.csv) as file:
+        table = None if file is None else _Table(file, run.behaviors)
+        for index, step in enumerate(compared(run, session, behaviors), 1):
+            tallies.add(step)
+            figure.add(step)
+            if table is not None:
+                table.add(step)
+            if index % _SAY_STEPS == 0:
+                interrupts.check()
+                line.show(f"{index} of {total} steps")
+    if not tallies.whole.steps:
+        raise BadInput(f"{run.path}: no step in it; there is nothing to compute")
+    notes += _without_part(changes, parameters.controller, session.guided > 0)
+    what = ", ".join(f"{name}={now}" for name, (_, now) in changes.items())
+    trees = f"trees of {', '.join(behaviors)} from {arguments.trees}" if behaviors else ""
+    title = "; ".join(part for part in (what, trees) if part) or "nothing is changed"
+    if arguments.figure is not None:
+        _write(arguments.figure, figure.svg(f"{run.path.name}: what if {title}"))
+    if arguments.json:
+        values = {"changed": changes, "trees": {name: each.tree.hash for name, each in behaviors.items()}}
+        episodes = [each.values for each in tallies.episodes]
+        print_result(json.dumps({**values, **tallies.whole.values, "episodes": episodes, "notes": notes}))
+    else:
+        print_result("\n".join([f"what if: {title}", *_words(tallies.whole), *_rows(tallies), *notes]))
+    return 0
+
+
+def _changed(recorded: FusionParameters, arguments: argparse.Namespace) -> FusionParameters:
+    values = asdict(recorded)
+    if arguments.preset:
+        # Thresholds that were given one by one would hide the preset's.
+        values |= {"preset": arguments.preset, "wall_threshold_m": FROM_PRESET, "approach_threshold_rad": FROM_PRESET}
+    if arguments.controller:
+        values["controller"] = arguments.controller
+    kinds = types_of(FusionParameters)
+    for setting in arguments.set:
+        name, equals, text = setting.partition("=")
+        if not equals or name not in kinds or name in _ENDLESS or name == "behaviors":
+            known = sorted(kinds.keys() - _ENDLESS.keys() - {"behaviors"})
+            hint = f"; {similar(name, known)}" if equals and name not in kinds else ""
+            raise BadInput(
+                f"--set {setting}: write NAME=VALUE with a parameter of fusion (behaviors, schedule and "
+                f"the world states stay as they were recorded){hint}"
+            )
+        values[name] = parsed(text, kinds[name], name)
+    parameters = from_mapping(FusionParameters, values, "fusion")
+    check_fusion(parameters, "fusion")
+    return parameters
+
+
+def _without_part(changes: Iterable[str], controller: str, guided: bool) -> list[str]:
+    """A line for each changed parameter that the controller in force does not have."""
+    notes: list[str] = []
+    for name in changes:
+        if name in _SUBSUMPTIONS:
+            owners = ["subsumption"]
+        elif name in _LITERALS:
+            owners = ["fbql_literal"]
+        elif name in _FEATURES:
+            owners = ["fbql", "fbql_value"]
+        elif name.startswith("fbql_"):
+            owners = ["fbql_value" if name in types_of(FbqlValueParameters) else "fbql"]
+        else:
+            continue
+        # Subsumption is the guide as well.
+        if controller not in owners and not (owners == ["subsumption"] and guided):
+            owner = " and ".join(owners)
+            notes.append(f"{name} plays no part: it is a parameter of {owner}, and the controller is {controller}")
+    return notes
+
+
+def _policy(
+    run: Run, recorded: FusionParameters, parameters: FusionParameters, given: str | None, notes: list[str]
+) -> Policy | None:
+    if given == NO_POLICY:
+        return None
+    if given is not None:
+        return load_policy(Path(given))
+    policy = recorded_policy(run)
+    if policy is not None and parameters.controller != recorded.controller:
+        notes.append("the run's policy is another controller's and is left out")
+        return None
+    return policy
+
+
+def _behaviors(run: Run, arguments: argparse.Namespace) -> dict[str, Behavior]:
+    """The behaviors that have a tree in the directory that is named."""
+    sources = know_observations(arguments.observation)
+    if arguments.trees is None:
+        return {}
+    files = {name: arguments.trees / f"{name}.json" for name in run.behaviors}
+    found: dict[str, Behavior] = {}
+    for name, path in files.items():
+        if path.is_file():
+            tree = load_tree(path)
+            found[name] = Behavior(name, tree, find_observation(tree.behavior, sources.get(tree.behavior, "")))
+    if not found:
+        raise BadInput(f"--trees {arguments.trees}: none of {', '.join(path.name for path in files.values())} is there")
+    return found
+
+
+# What is told
+
+
+def _words(whole: Tally) -> list[str]:
+    steps = whole.steps
+    if not whole.differing:
+        return [f"the same over all {steps} steps"]
+    lines = [f"differs in {whole.differing} of {steps} steps ({_share(whole.differing, steps)})"]
+    first, most = whole.first, whole.most
+    if first is not None:
+        lines.append(f"first at episode {first.episode}, step {first.step} ({first.stamp_ns / 1e9:.3f} s)")
+    for name, count in whole.leaves.items():
+        if count:
+            lines.append(f"{name} answers otherwise in {count} steps ({_share(count, steps)})")
+    if whole.drivers:
+        lines.append(f"somebody else drives in {whole.drivers} steps ({_share(whole.drivers, steps)})")
+    lines.append(
+        f"weights: other in {whole.weights} steps ({_share(whole.weights, steps)}); "
+        f"moved from one behavior to another: {whole.weight_sum / steps:.3g} on average, {whole.weight_max:.3g} at most"
+    )
+    lines.append(
+        f"commands: other in {whole.commands} steps ({_share(whole.commands, steps)}); "
+        f"by {whole.command_sum_rad_s / steps:.3g} rad/s on average, {whole.command_max_rad_s:.3g} rad/s at most"
+    )
+    if most is not None:
+        lines.append(f"most at episode {most.episode}, step {most.step} ({most.stamp_ns / 1e9:.3f} s)")
+    return lines
+
+
+def _rows(tallies: Tallies) -> list[str]:
+    """A table of the episodes that differ."""
+    differing = [each for each in tallies.episodes if each.tally.differing]
+    if not differing:
+        return []
+    lines = ["", "episode  outcome    steps  differ  weights moved  commands differ by [rad/s]  at most"]
+    for each in differing[:_SHOWN_EPISODES]:
+        tally = each.tally
+        lines.append(
+            f"{each.index:7}  {each.outcome or 'n/a':9}{tally.steps:7}  {_share(tally.differing, tally.steps):>6}"
+            f"{tally.weight_sum / tally.steps:15.3g}{tally.command_sum_rad_s / tally.steps:28.3g}"
+            f"{tally.command_max_rad_s:9.3g}"
+        )
+    if len(differing) > _SHOWN_EPISODES:
+        lines.append(f"... and {len(differing) - _SHOWN_EPISODES} more (--json has all, --csv every step)")
+    return lines
+
+
+def _share(count: int, of: int) -> str:
+    return f"{100.0 * count / of:.1f} %"
+
+
+class _Table:
+    """Every step as a row: what was recorded beside what would have been."""
+
+    def __init__(self, file: TextIO, behaviors: Sequence[str]) -> None:
+        self._writer = csv.writer(file, lineterminator="\n")
+        each = ("leaf_id", "reference_left_rad_s", "reference_right_rad_s", "weight", "q")
+        columns = ["episode", "step", "stamp_ns", "differs", "weights_moved", "command_differs_rad_s"]
+        for what in ("recorded", "what_if"):
+            columns += [f"{what}.command_left_rad_s", f"{what}.command_right_rad_s", f"{what}.driver"]
+            columns += [f"{what}.{name}.{behavior}" for behavior in behaviors for name in each]
+        self._writer.writerow(columns)
+
+    def add(self, compared: Compared) -> None:
+        """Writes a step."""
+        step = compared.step
+        row: list[Any] = [step.episode, step.step, step.stamp_ns, int(compared.differs)]
+        row += [compared.weight, compared.command_rad_s]
+        for command, decision, outputs in (
+            (step.command, step.decision, step.outputs),
+            (compared.command, compared.decision, compared.outputs),
+        ):
+            assert command is not None and decision is not None
+            row += [command.left_rad_s, command.right_rad_s, decision.driver]
+            for index, output in enumerate(outputs):
+                answer = ["", "", ""] if output is None else [output.leaf_id, output.left_rad_s, output.right_rad_s]
+                row += [*answer, decision.weights[index], decision.q[index] if decision.q else ""]
+        self._writer.writerow(row)
+
+
+def _table(path: Path | None) -> Any:
+    if path is None:
+        return nullcontext(None)
+    try:
+        return path.open("w", newline="")
+    except OSError as error:
+        raise BadInput(f"{path}: can't be written ({error.strerror})") from None
+
+
+def _write(path: Path, content: str) -> None:
+    try:
+        path.write_text(content)
+    except OSError as error:
+        raise BadInput(f"{path}: can't be written ({error.strerror})") from None

@@ -1,0 +1,260 @@
+"""Runs side by side: which of them are of one kind over several seeds, and what each kind reached.
+
+Runs are of one kind when they have the same controller, trees (by hash), policy before (by hash) and parameters; only the
+seed may differ. Guided episodes, and those that the recording does not tell the end of, are not counted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from fbql_behaviors.storage import tree_from_bytes
+from fbql_common.core import recording_names
+from fbql_common.core.errors import BadInput
+from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.node_parameters import FusionNodeParameters
+from fbql_recording import Run
+
+from fbql.report.contents import counted
+from fbql.report.texts import plain, value_text
+from fbql.statistics.inference import Interval, paired_p_value, ratio_of_sums
+
+POLICY = "policy before"
+TREE = "tree of "
+"""Before the name of a behavior."""
+MOST_NAMED = 8
+"""Differences that a label names."""
+FEW_RUNS = 5
+"""With fewer runs than this a bootstrap interval is too narrow."""
+_SEED = "seed"
+_OF_THE_NODE = {field.name for field in fields(FusionNodeParameters)} - {
+    field.name for field in fields(FusionParameters)
+}
+_LEFT_OUT = {"fusion": {_SEED, *_OF_THE_NODE}, "simulator": {_SEED, "lockstep_timeout_s"}}
+"""Parameters that tell nothing of how a match goes: paths, time-outs, what is recorded."""
+MEASURES = {
+    "success_rate": ("goals", "episodes"),
+    "cost_per_goal": ("steps", "goals"),
+    "own_goals_per_episode": ("own_goals", "episodes"),
+    "collisions_per_episode": ("collisions", "episodes"),
+}
+"""Ratios of sums over the runs of a kind."""
+
+
+@dataclass(frozen=True)
+class Reached:
+    """One run: what it was, and what it reached."""
+
+    name: str
+    controller: str
+    seed: int | None
+    setting: Mapping[str, str]
+    """What makes its kind: controller, trees, policy and parameters, by name, as texts."""
+    counts: Mapping[str, int]
+    """episodes, goals, own_goals, timeouts, steps, collisions, contact_steps."""
+    digest: str | None
+    is_complete: bool
+
+    def ratio(self, measure: str) -> float | None:
+        """A measure of this run; None is "n/a"."""
+        numerator, denominator = (self.counts[name] for name in MEASURES[measure])
+        return numerator / denominator if denominator else None
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """The run as a row of a table."""
+        return {
+            "run": self.name,
+            "controller": self.controller,
+            "seed": self.seed,
+            **{name: self.counts[name] for name in ("episodes", "goals", "own_goals", "timeouts")},
+            "success_rate": self.ratio("success_rate"),
+            "cost_per_goal": self.ratio("cost_per_goal"),
+            "collisions": self.counts["collisions"],
+            "digest": None if self.digest is None else self.digest[:8],
+            "complete": self.is_complete,
+        }
+
+
+@dataclass
+class Kind:
+    """Runs of one kind."""
+
+    letter: str
+    runs: list[Reached]
+    label: str = ""
+    """What tells it from the others."""
+
+    def interval(self, measure: str) -> Interval | None:
+        """The ratio of sums over the runs, with its 95 % interval where there is more than one; None is "n/a"."""
+        names = MEASURES[measure]
+        numerators, denominators = ([run.counts[name] for run in self.runs] for name in names)
+        if not sum(denominators):
+            return None
+        return ratio_of_sums(numerators, denominators)
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """The kind as a row of a table: each measure with the ends of its interval."""
+        row: dict[str, Any] = {"kind": self.letter, "runs": len(self.runs)}
+        for measure in MEASURES:
+            found = self.interval(measure)
+            row |= {measure: None, f"{measure}_low": None, f"{measure}_high": None}
+            if found is not None:
+                row |= zip((measure, f"{measure}_low", f"{measure}_high"), map(_finite, found), strict=True)
+        return row
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+def reached(run: Run) -> Reached:
+    """Reads a run to its end. Raises Corrupt."""
+    episodes = [episode for episode in counted(run.episodes()) if episode.outcome is not None]
+    outcomes = [episode.outcome for episode in episodes]
+    fusion = run.parameters.get("fusion", {})
+    seed = fusion.get(_SEED) if isinstance(fusion, Mapping) else None
+    setting = _setting(run)
+    return Reached(
+        plain(run.path.name),
+        setting["controller"],
+        seed if isinstance(seed, int) else None,
+        setting,
+        {
+            "episodes": len(episodes),
+            "goals": outcomes.count("goal"),
+            "own_goals": outcomes.count("own_goal"),
+            "timeouts": outcomes.count("timeout"),
+            "steps": sum(episode.steps for episode in episodes),
+            "collisions": sum(episode.collisions_begun or 0 for episode in episodes),
+            "contact_steps": sum(episode.collision_steps or 0 for episode in episodes),
+        },
+        (run.summary or {}).get("digest"),
+        run.is_complete,
+    )
+
+
+def _setting(run: Run) -> dict[str, str]:
+    """What makes the kind of a run, by name. A hash stands for a file."""
+    setting = {"controller": "n/a"}
+    for node, left_out in _LEFT_OUT.items():
+        parameters = run.parameters.get(node)
+        if isinstance(parameters, Mapping):
+            setting |= {plain(name): value_text(value) for name, value in parameters.items() if name not in left_out}
+    for name, data in sorted(run.attachments.items()):
+        if name.startswith(recording_names.TREES):
+            tree = name.removeprefix(recording_names.TREES).removesuffix(".json")
+            setting[plain(f"{TREE}{tree}")] = _tree_hash(data)
+        elif name == recording_names.POLICY_BEFORE:
+            setting[POLICY] = hashlib.sha256(data).hexdigest()
+    return setting
+
+
+def _tree_hash(data: bytes) -> str:
+    """The hash of a tree; that of its bytes where they are none."""
+    try:
+        return tree_from_bytes(data).hash
+    except BadInput:
+        return hashlib.sha256(data).hexdigest()
+
+
+def kinds_of(runs: Sequence[Reached]) -> tuple[list[Kind], list[str]]:
+    """The kinds in the order in which they come up, and what is to be noted.
+
+    A run that is there twice (the same kind, seed and digest) is counted once: it is no second seed.
+    """
+    notes: list[str] = []
+    by_setting: dict[tuple[tuple[str, str], ...], Kind] = {}
+    for run in runs:
+        kind = by_setting.setdefault(tuple(sorted(run.setting.items())), Kind(_letter(len(by_setting)), []))
+        twin = next((each for each in kind.runs if run.seed is not None and each.seed == run.seed), None)
+        if twin is not None and run.digest is not None and twin.digest == run.digest:
+            notes.append(
+                f"{run.name} is {twin.name} once more (seed {run.seed}, digest {run.digest[:8]}); counted once"
+            )
+            continue
+        if twin is not None:
+            notes.append(f"{run.name} and {twin.name} have the same seed {run.seed} and other digests")
+        kind.runs.append(run)
+    kinds = list(by_setting.values())
+    for kind, label in zip(kinds, _labels(kinds), strict=True):
+        kind.label = label
+    if any(1 < len(kind.runs) < FEW_RUNS for kind in kinds):
+        notes.append(f"intervals over fewer than {FEW_RUNS} runs are too narrow: take more seeds")
+    return kinds, notes
+
+
+def _letter(place: int) -> str:
+    """A, B, ... Z, AA, AB, ..."""
+    return (_letter(place // 26 - 1) if place >= 26 else "") + chr(ord("A") + place % 26)
+
+
+def _labels(kinds: Sequence[Kind]) -> list[str]:
+    """What tells the kinds apart: the controller, and every setting that is not the same in all of them."""
+    settings = [kind.runs[0].setting for kind in kinds]
+    names = sorted({name for setting in settings for name in setting} - {"controller"})
+    differing = [name for name in names if len({setting.get(name) for setting in settings}) > 1]
+    labels: list[str] = []
+    for setting in settings:
+        parts = [f"{name} {_short(name, setting.get(name))}" for name in differing[:MOST_NAMED]]
+        more = [f"and {len(differing) - MOST_NAMED} more"] if len(differing) > MOST_NAMED else []
+        labels.append(", ".join([setting["controller"], *parts, *more]))
+    return labels
+
+
+def _short(name: str, value: str | None) -> str:
+    if value is None:
+        return "n/a"
+    return value[:8] if name == POLICY or name.startswith(TREE) else value
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A kind against the first one, seed by seed: runs of the same seed have the same starts."""
+
+    letter: str
+    against: str
+    seeds: int
+    cost_ratio: float | None
+    """Steps for each goal over those of the other, over the seeds that both have; None without a goal."""
+    p: float | None
+    """Of the paired test that both cost the same; None with fewer than two seeds."""
+
+
+def pairs_of(kinds: Sequence[Kind]) -> list[Pair]:
+    """Every kind against the first."""
+    if not kinds:
+        return []
+    first = {run.seed: run for run in kinds[0].runs if run.seed is not None}
+    pairs: list[Pair] = []
+    for kind in kinds[1:]:
+        both = [(run, first[run.seed]) for run in kind.runs if run.seed in first]
+        costs = [_cost([pair[side] for pair in both]) for side in (0, 1)]
+        ratio = costs[0] / costs[1] if costs[0] is not None and costs[1] else None
+        # A run without a goal costs what it took, as in fbql.statistics.runs.
+        ours, theirs = (
+            [pair[side].counts["steps"] / max(pair[side].counts["goals"], 1) for pair in both] for side in (0, 1)
+        )
+        p = _finite(paired_p_value(ours, theirs))
+        pairs.append(Pair(kind.letter, kinds[0].letter, len(both), ratio, p))
+    return pairs
+
+
+def _cost(runs: Sequence[Reached]) -> float | None:
+    goals = sum(run.counts["goals"] for run in runs)
+    return sum(run.counts["steps"] for run in runs) / goals if goals else None
+
+
+def name_of(path: Path, others: Sequence[Path]) -> str:
+    """What a run is called: its last name, or as much of its path as tells it from the others."""
+    for count in range(1, len(path.parts) + 1):
+        name = Path(*path.parts[-count:])
+        if sum(Path(*other.parts[-count:]) == name for other in others) == 1:
+            return str(name)
+    return str(path)

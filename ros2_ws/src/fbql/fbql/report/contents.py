@@ -1,0 +1,222 @@
+"""What a report tells of a run: its steps as packed blocks, and everything that is needed to put them in words."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, TextIO
+
+import numpy as np
+from fbql_behaviors.core.explanation import is_direction, motion_of, rules, speed_of
+from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.storage import tree_from_bytes
+from fbql_common.core import recording_names
+from fbql_common.core.errors import BadInput
+from fbql_common.core.field import AXLE_M, BALL_RADIUS_M, FIELD, ROBOT_SIDE_M, WHEEL_RADIUS_M
+from fbql_common.core.types import Phase
+from fbql_recording import Columns, Episode, Run, Step
+from fbql_recording.core.columns import BLOCK_STEPS, block_of
+from fbql_recording.core.packing import FLOAT32, Packing, pack
+
+from fbql.report.meanings import FEATURES
+from fbql.report.texts import plain
+
+UNIT = 1e-4
+"""Of everything that is not counted: 0.1 mm, 0.1 mm/s, 1e-4 rad, 1e-4 rad/s, 1e-4 of a weight, 0.1 ms."""
+_EXACT = ("q", "reward")
+"""Kept as float32: nobody knows how large or how small they are."""
+_MOST = 1000
+"""Names of controllers, trees and the like that are told apart."""
+_DAY_NS = 24 * 3600 * 10**9
+
+
+@dataclass
+class Contents:
+    """What is told of a run. It grows while the steps are read."""
+
+    run: Run
+    episodes: list[Episode] = field(default_factory=list[Episode])
+    trees: dict[str, Tree] = field(default_factory=dict[str, Tree])
+    """By hash: those in the recording."""
+    notes: list[str] = field(default_factory=list[str])
+    """What is wrong, beside the warnings of the run."""
+    steps: int = 0
+    controllers: list[str] = field(default_factory=list[str])
+    commands: list[str] = field(default_factory=list[str])
+    """What commands do, in words, in the order in which they came up."""
+    tree_hashes: list[str] = field(default_factory=list[str])
+    """Of the trees that behaviors answered with."""
+    blocks: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
+    """For each block its steps, and which of the `packings` it has."""
+    packings: list[tuple[Packing, ...]] = field(default_factory=list[tuple[Packing, ...]])
+    zero_ns: int = 0
+    """The stamp from which seconds are counted: 0 in simulated time."""
+
+
+def read_contents(run: Run, out: TextIO, progress: Callable[[int], None]) -> Contents:
+    """Reads a run from its first step to its last, once; a block of steps at a time is in memory.
+
+    Args:
+        out: gets a line of base64 for each block.
+        progress: told how many steps are read, now and then.
+
+    Raises:
+        BadInput: there is no step in it; `Corrupt`.
+    """
+    contents = Contents(run)
+    for name, data in run.attachments.items():
+        if name.startswith(recording_names.TREES):
+            try:
+                tree = tree_from_bytes(data)
+                contents.trees[tree.hash] = tree
+            except BadInput as error:
+                contents.notes.append(f"{name}: {error}")
+    if run.start_ns is not None and run.start_ns >= _DAY_NS:
+        contents.zero_ns = run.start_ns
+    block: list[Step] = []
+
+    def watched() -> Iterator[Step]:
+        for step in run.steps():
+            yield step
+            block.append(step)
+            if len(block) == BLOCK_STEPS:
+                _write(contents, block, out)
+                progress(contents.steps)
+
+    contents.episodes = run.episodes(watched())
+    if block:
+        _write(contents, block, out)
+    if not contents.steps:
+        raise BadInput(f"{run.path}: no step in it; there is nothing to report")
+    return contents
+
+
+def _write(contents: Contents, steps: list[Step], out: TextIO) -> None:
+    columns = block_columns(contents, steps)
+    packings = tuple(Packing(name, unit_of(name, column)) for name, column in columns.items())
+    if packings not in contents.packings:
+        contents.packings.append(packings)
+    contents.blocks.append((len(steps), contents.packings.index(packings)))
+    contents.steps += len(steps)
+    out.write(base64.b64encode(pack(columns, packings)).decode() + "\n")
+    steps.clear()
+
+
+def unit_of(name: str, column: Any) -> float:
+    """The unit to which a column is rounded."""
+    if name.split(".")[0] in _EXACT:
+        return FLOAT32
+    return UNIT if column.dtype == np.float64 else 1.0
+
+
+def block_columns(contents: Contents, steps: list[Step]) -> Columns:
+    """The columns of docs/recordings.md, flat: weights.0 is the weight of the first behavior; and some of our own.
+
+    Ours: time_s, and as indices tree.K (the tree that behavior K answered with), controller, command_words.
+    """
+    behaviors = contents.run.behaviors
+    columns: Columns = {}
+    for name, column in block_of(steps, contents.run.recorded).items():
+        if name == "stamp_ns":
+            columns["time_s"] = (column - contents.zero_ns) / 1e9
+            continue
+        kind, _, behavior = name.partition(".")
+        key = f"{kind}.{behaviors.index(behavior)}" if behavior else name
+        if column.ndim == 1:
+            columns[key] = column
+        else:
+            columns |= {f"{key}.{index}": column[:, index] for index in range(column.shape[1])}
+    columns["begins_again"] = np.array([step.begins_again for step in steps])
+    columns["controller"] = np.array([_controller(contents, step) for step in steps])
+    columns["command_words"] = np.array([_command_words(contents, step) for step in steps])
+    for index in range(len(behaviors)):
+        columns[f"tree.{index}"] = np.array([_tree(contents, step, index) for step in steps])
+    return columns
+
+
+def _controller(contents: Contents, step: Step) -> int:
+    return -1 if step.decision is None else _place(contents.controllers, step.decision.controller)
+
+
+def _command_words(contents: Contents, step: Step) -> int:
+    if step.command is None:
+        return -1
+    wheels = step.command[3:5]
+    return _place(contents.commands, f"{speed_of(*wheels)} {motion_of(*wheels).value}".strip())
+
+
+def _tree(contents: Contents, step: Step, behavior: int) -> int:
+    output = step.outputs[behavior]
+    return -1 if output is None else _place(contents.tree_hashes, output.tree_hash)
+
+
+def _place(known: list[str], value: str) -> int:
+    """Where a value stands in a list that grows with what comes up; -1 where there are too many to list."""
+    if value in known:
+        return known.index(value)
+    if len(known) == _MOST:
+        return -1
+    known.append(value)
+    return len(known) - 1
+
+
+def page_data(contents: Contents) -> dict[str, Any]:
+    """What the page's program is told beside the blocks, as JSON values."""
+    return {
+        "behaviors": [plain(name) for name in contents.run.behaviors],
+        "steps": contents.steps,
+        "blocks": contents.blocks,
+        "packings": [[tuple(each) for each in packings] for packings in contents.packings],
+        "episodes": [_episode(episode) for episode in contents.episodes],
+        "phases": [phase.name.lower() for phase in sorted(Phase)],
+        "controllers": [plain(name) for name in contents.controllers],
+        "commands": contents.commands,
+        "trees": [_tree_words(contents.trees.get(tree_hash)) for tree_hash in contents.tree_hashes],
+        "field": {
+            "half_length_m": FIELD.half_length_m,
+            "half_width_m": FIELD.half_width_m,
+            "half_goal_m": FIELD.half_goal_m,
+            "goal_depth_m": FIELD.goal_depth_m,
+            "corner_m": FIELD.corner_m,
+            "robot_side_m": ROBOT_SIDE_M,
+            "ball_radius_m": BALL_RADIUS_M,
+            "wheel_radius_m": WHEEL_RADIUS_M,
+            "axle_m": AXLE_M,
+        },
+    }
+
+
+def _episode(episode: Episode) -> dict[str, Any]:
+    return {
+        "index": episode.index,
+        "first": episode.first_step,
+        "count": episode.recorded_steps,
+        "steps": episode.steps,
+        "phase": episode.phase,
+        "outcome": episode.outcome,
+        "collisions": episode.collisions_begun,
+        "return": _finite(episode.return_),
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and np.isfinite(value) else None
+
+
+def _tree_words(tree: Tree | None) -> dict[str, Any] | None:
+    """Each leaf in words: where, and what the robot does there. None: the tree is not in the recording."""
+    if tree is None:
+        return None
+    return {
+        "leaves": [[plain(rule.where), plain(rule.what)] for rule in rules(tree)],
+        "features": [
+            [plain(feature.name), plain(feature.unit), is_direction(feature), FEATURES.get(feature.name, "")]
+            for feature in tree.features
+        ],
+    }
+
+
+def counted(episodes: Iterable[Episode]) -> list[Episode]:
+    """The episodes that count: guided ones are listed, but not counted."""
+    return [episode for episode in episodes if episode.phase != "guided"]

@@ -1,0 +1,111 @@
+"""A run as figures in the manner of the paper's Figs. 10 to 14, PDF and SVG, with the numbers beside them as CSV.
+
+Each success (goal) of the run is a point: what it took since the one before; the lines are moving averages over
+`fbql.statistics.courses.WINDOW` successes, from the first on that has so many. Guided episodes are left out.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from fbql_recording import Episode
+from fbql_recording.core.metrics import OUTCOMES
+from matplotlib import rc_context
+from matplotlib.backends.backend_pdf import FigureCanvasPdf
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from fbql.report.contents import counted
+from fbql.statistics.courses import MEASURES, WINDOW, averaged, successes_of
+
+STYLE = {
+    "font.size": 9,
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial"],
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "report",
+    "pdf.fonttype": 42,
+}
+FIGURES = {
+    "success_steps": ("steps of a success", ("all steps", "steps")),
+    "success_collisions": ("collisions of a success", ("collisions begun",)),
+    "success_failures": ("failures before a success", ("failures",)),
+    "success_rate": ("success rate", ("success rate",)),
+}
+"""Name of a figure -> the label of its axis, and which of the measures it shows."""
+NUMBERS = "successes.csv"
+_LABELS = {"all steps": "with the failures before it", "steps": "of the episode that ended with it"}
+_LINES = (("#0072B2", "-"), ("#D55E00", "--"))
+
+
+def course_of(episodes: Sequence[Episode]) -> list[tuple[int, int, int, int]]:
+    """Outcome, steps, collisions begun and steps in contact of each episode that counts and has an end."""
+    return [
+        (OUTCOMES.index(each.outcome), each.steps, each.collisions_begun or 0, each.collision_steps or 0)
+        for each in counted(episodes)
+        if each.outcome is not None
+    ]
+
+
+def write_figures(episodes: Sequence[Episode], title: str, directory: Path) -> list[Path]:
+    """Writes every figure and the numbers that they show; gives the files. Raises OSError."""
+    table = successes_of(course_of(episodes))
+    files = [_write_numbers(table, directory / NUMBERS)]
+    with rc_context(STYLE):
+        for name, (label, measures) in FIGURES.items():
+            figure = _figure(table, title, label, measures)
+            for ending, canvas, dates in (
+                ("pdf", FigureCanvasPdf(figure).print_pdf, {"CreationDate": None, "Creator": None, "Producer": None}),
+                ("svg", FigureCanvasSVG(figure).print_svg, {"Date": None, "Creator": None}),
+            ):
+                data = BytesIO()
+                canvas(data, metadata=dates)
+                files.append(directory / f"{name}.{ending}")
+                files[-1].write_bytes(data.getvalue())
+    return files
+
+
+def _figure(table: NDArray[Any], title: str, label: str, measures: Sequence[str]) -> Figure:
+    figure = Figure((4.6, 3.0), layout="constrained")
+    axes = figure.subplots()
+    means = averaged(table)
+    at = range(1, len(table) + 1)
+    at_means = range(WINDOW, WINDOW + len(means))
+    for measure, (colour, dashes) in zip(measures, _LINES, strict=False):
+        column = MEASURES.index(measure)
+        each, mean = table[:, column], means[:, column]
+        if measure == "success rate":  # the table has the episodes that a success took
+            mean = 1.0 / mean
+        else:
+            axes.plot(at, each, "o" if dashes == "-" else "x", color=colour, ms=2.5, alpha=0.6)
+        axes.plot(at_means, mean, dashes, color=colour, label=_LABELS.get(measure))
+    if not len(table):
+        axes.text(0.5, 0.5, "n/a: no goal", transform=axes.transAxes, ha="center")
+    axes.set_title(title.replace("$", r"\$"), fontsize=8)
+    axes.set_xlabel(f"success (line: moving average over {WINDOW})")
+    axes.set_ylabel(label)
+    axes.set_ylim(bottom=0, top=1.05 if measures == ("success rate",) else None)
+    axes.grid(lw=0.4)
+    if len(measures) > 1:
+        figure.legend(loc="outside lower center", ncols=2, frameon=False)
+    return figure
+
+
+def _write_numbers(table: NDArray[Any], path: Path) -> Path:
+    """What the figures show: for each success its measures, and their moving averages, empty where there are none yet."""
+    names = [measure.replace(" ", "_") for measure in MEASURES[:-1]]
+    head = ["success", *names, "episodes", *(f"mean_{name}" for name in names), "mean_success_rate"]
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(head)
+        none = [[""] * len(MEASURES)] * min(WINDOW - 1, len(table))
+        means = none + [[*mean[:-1], 1.0 / mean[-1]] for mean in averaged(table).tolist()]
+        for number, (row, mean) in enumerate(zip(table.tolist(), means, strict=True), start=1):
+            writer.writerow([number, *(int(each) for each in row), *mean])
+    return path

@@ -1,0 +1,103 @@
+"""Method x what it reached, with intervals, and paired with its controls on the same episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from math import nan
+from typing import Any
+
+from fbql.statistics.inference import Interval, Sums, clustered_ratio, paired_p_value
+from fbql.statistics.tables import Row, finite
+
+Run = Mapping[str, Any]
+"""The figures of one run, with its method, tree_seed and seed."""
+Runs = Mapping[tuple[int, int], Run]
+"""(tree seed, run seed) -> run."""
+
+
+def runs_by_method(found: Iterable[Run], methods: Sequence[str]) -> dict[str, Runs]:
+    """Method -> its runs, in the order of `methods`; a method without a run is left out."""
+    by_method: dict[str, dict[tuple[int, int], Run]] = {method: {} for method in methods}
+    for each in found:
+        by_method[each["method"]][each["tree_seed"], each["seed"]] = each
+    return {method: dict(sorted(runs.items())) for method, runs in by_method.items() if runs}
+
+
+def ratio(runs: Runs, numerator: str, denominator: str) -> Interval:
+    """One figure for each of another, with an interval over tree sets and their runs."""
+    return clustered_ratio(_sums(runs.values(), numerator, denominator), [tree for tree, _ in runs])
+
+
+def cost_ratio(ours: Runs, theirs: Runs) -> Interval:
+    """Our cost/goal over theirs, over the runs that both have; NaN where they have no goal."""
+    both = [key for key in ours if key in theirs]
+    if not any(theirs[key]["goals"] for key in both):
+        return Interval(nan, nan, nan)
+    sums = [_sums((runs[key] for key in both), "steps", "goals") for runs in (ours, theirs)]
+    return clustered_ratio(sums[0], [tree for tree, _ in both], sums[1])
+
+
+def cost_ratios_by_trees(ours: Runs, theirs: Runs) -> dict[int, float]:
+    """Tree seed -> our cost/goal over theirs."""
+    trees = sorted({tree for tree, _ in ours})
+    return {tree: cost_ratio(_of(ours, tree), _of(theirs, tree)).estimate for tree in trees}
+
+
+def cost_of(run: Run) -> float:
+    """cost/goal of a run; one without a goal costs what it took."""
+    return run["steps"] / max(run["goals"], 1)
+
+
+def p_of(ours: Runs, theirs: Runs) -> float | None:
+    """p of the paired test that both cost the same, run by run; None where fewer than two can be paired."""
+    both = [key for key in ours if key in theirs]
+    if len(both) < 2 or ours is theirs:
+        return None
+    return paired_p_value(*([cost_of(runs[key]) for key in both] for runs in (ours, theirs)))
+
+
+def method_row(method: str, by_method: Mapping[str, Runs], controls: Mapping[str, str]) -> Row:
+    """The row of a method.
+
+    Args:
+        controls: short name -> the method that is the control.
+    """
+    own = by_method[method]
+    total = {name: sum(run[name] for run in own.values()) for name in ("episodes", "goals", "own_goals", "timeouts")}
+    cost = ratio(own, "steps", "goals")
+    row: Row = {
+        "method": method,
+        "runs": len(own),
+        **total,
+        "success_rate": ratio(own, "goals", "episodes").estimate,
+        "cost_per_goal": cost.estimate,
+        "cost_low": cost.low,
+        "cost_high": cost.high,
+        "steps_per_success": ratio(own, "steps_to_goals", "goals").estimate if _is_counted(own) else nan,
+        "collisions_begun_per_goal": ratio(own, "collisions_begun", "goals").estimate,
+        "collision_steps_per_goal": ratio(own, "collision_steps", "goals").estimate,
+    }
+    for name, control in controls.items():
+        other = by_method.get(control, {})
+        found = cost_ratio(own, other) if control != method else Interval(1.0, 1.0, 1.0)
+        row |= {
+            f"ratio_{name}": found.estimate,
+            f"ratio_{name}_low": found.low,
+            f"ratio_{name}_high": found.high,
+            f"p_{name}": p_of(own, other),
+        }
+    return finite(row)
+
+
+def _is_counted(runs: Runs) -> bool:
+    """Whether the steps of the episodes that ended in a goal were counted apart from the others."""
+    return all("steps_to_goals" in run for run in runs.values())
+
+
+def _of(runs: Runs, tree_seed: int) -> Runs:
+    return {key: run for key, run in runs.items() if key[0] == tree_seed}
+
+
+def _sums(runs: Iterable[Run], numerator: str, denominator: str) -> Sums:
+    pairs = [(run[numerator], run[denominator]) for run in runs]
+    return Sums([pair[0] for pair in pairs], [pair[1] for pair in pairs])

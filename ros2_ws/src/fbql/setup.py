@@ -1,0 +1,49 @@
+"""Name, version and the rest are read from package.xml, which is their one place."""
+
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+COMMANDS = (
+    "bringup",
+    "compare",
+    "demonstrate",
+    "experiment",
+    "induce",
+    "make_trees",
+    "recover",
+    "replay",
+    "report",
+    "train",
+    "tree",
+    "tune",
+)
+"""What `ros2 run fbql NAME` runs."""
+
+manifest = ElementTree.parse("package.xml").getroot()
+name = manifest.findtext("name")
+maintainer = manifest.find("maintainer")
+
+setup(
+    name=name,
+    version=manifest.findtext("version"),
+    description=manifest.findtext("description"),
+    license=manifest.findtext("license"),
+    maintainer=maintainer.text,
+    maintainer_email=maintainer.get("email"),
+    packages=find_packages(),
+    package_data={name: ["report/assets/*"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
+        (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
+    ],
+    install_requires=["setuptools", "numpy", "PyYAML"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "fbql = fbql.cli.app:main",
+            *(f"{command} = fbql.cli.app:executable" for command in COMMANDS),
+        ]
+    },
+)

@@ -1,0 +1,218 @@
+"""A run as the fusion node leaves it behind: the recording and the run directory around one session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from datetime import datetime
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import yaml
+from ament_index_python.packages import get_package_share_directory
+from fbql_common.core.errors import BadInput
+from fbql_common.core.recording_names import (
+    CONFIG,
+    EPISODES,
+    OBSERVATIONS,
+    POLICY,
+    POLICY_BEFORE,
+    RESTART_RECORD,
+    TREES,
+)
+from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from fbql_common.topics import DECISION, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
+from fbql_common.wire import type_name
+from fbql_recording.bag_metadata import qos_of
+from fbql_recording.message_definitions import schema_text, type_hash
+from fbql_recording.recorder import Attachment, Channel, Recorder
+from fbql_recording.run_directory import (
+    RunDirectory,
+    create_next_run_directory,
+    create_run_directory,
+    custom_data,
+    git_revision,
+    software_versions,
+)
+
+from fbql_fusion.core.session import Session
+from fbql_fusion.node_parameters import FusionNodeParameters
+from fbql_fusion.policy_storage import policy_bytes, save_policy
+
+DONE, INCOMPLETE = 0, 3
+_JSON, _YAML, _NPZ = "application/json", "application/yaml", "application/octet-stream"
+_CSV, _PYTHON = "text/csv", "text/x-python"
+
+
+class RunRecorder:
+    """Records every step of a session and writes its results. Whatever fails here never reaches control.
+
+    Args:
+        resolve: a relative topic name -> the absolute one.
+        report: told once, in one line, about each thing that could not be kept.
+
+    Raises:
+        BadInput: the run directory can't be made or used.
+    """
+
+    def __init__(
+        self,
+        parameters: FusionNodeParameters,
+        session: Session,
+        resolve: Callable[[str], str],
+        report: Callable[[str], None],
+    ) -> None:
+        self._session = session
+        self._closed = False
+        self._begun_s: float | None = None
+        self.path = _directory(parameters, session)
+        tree_files = [Path(file) for file in parameters.tree_files]
+        config = _config(parameters, session, parameters.config_file)
+        self._directory = RunDirectory(self.path, config, tree_files, report)
+        self._recorder: Recorder | None = None
+        if parameters.record:
+            attachments = [Attachment(CONFIG, _YAML, (self.path / "config.yaml").read_bytes())]
+            attachments += [Attachment(f"{TREES}{file.name}", _JSON, file.read_bytes()) for file in tree_files]
+            attachments += _observations(config)
+            if parameters.policy:
+                attachments.append(Attachment(POLICY_BEFORE, _NPZ, Path(parameters.policy).read_bytes()))
+            self._recorder = Recorder(
+                self.path, _channels(session.behaviors, resolve), custom_data(config), attachments, report
+            )
+
+    def record(self, stamp_ns: int, world: bytes, outputs: Sequence[bytes], command: bytes, decision: bytes) -> None:
+        """Records the messages of one step, always in the same order."""
+        if self._begun_s is None:
+            self._begun_s = monotonic()
+        recorder = self._recorder
+        if recorder is None:
+            return
+        write = recorder.write
+        write(0, world, stamp_ns)
+        for channel, output in enumerate(outputs, start=1):
+            if output:
+                write(channel, output, stamp_ns)
+        write(len(outputs) + 1, command, stamp_ns)
+        write(len(outputs) + 2, decision, stamp_ns)
+
+    def episode_ended(self) -> None:
+        """Adds the row of the episode that just ended, and hands the recording so far to the operating system."""
+        self._directory.add_episode(self._session.records[-1])
+        self.flush()
+
+    def episode_restarted(self) -> None:
+        """Records that the episode under way begins again with the next step: its world was lost."""
+        if self._recorder is not None:
+            self._recorder.note(RESTART_RECORD, {})
+
+    def flush(self) -> None:
+        """Hands what was recorded so far to the operating system."""
+        if self._recorder is not None:
+            self._recorder.flush()
+
+    def save_policy(self, path: Path | None) -> str:
+        """Saves what has been learned so far; gives the path.
+
+        Raises:
+            BadInput: nothing is learned, or a value is not finite.
+            OSError: it could not be written.
+        """
+        policy = self._session.policy()
+        if policy is None:
+            raise BadInput(f"controller '{self._session.parameters.controller}' has learned nothing to save yet")
+        target = path or self.path / "policy.npz"
+        save_policy(target, policy)
+        return str(target)
+
+    def close(self) -> None:
+        """Finishes policy, recording and summary, in this order. Further calls do nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        wall_s = None if self._begun_s is None else monotonic() - self._begun_s
+        policy = self._session.policy()
+        attachments: list[Attachment] = []
+        if policy is not None:
+            self._directory.write_policy(lambda: policy_bytes(policy))
+            if not self._directory.failed:
+                attachments.append(Attachment(POLICY, _NPZ, policy_bytes(policy)))
+        messages = 0
+        if self._recorder is not None:
+            if not self._directory.failed:
+                attachments.append(Attachment(EPISODES, _CSV, (self.path / "episodes.csv").read_bytes()))
+            self._recorder.close(attachments)
+            messages = self._recorder.messages
+        self._directory.write_summary(self._session.summary(wall_s, messages, self.incomplete))
+        self._directory.close()
+
+    @property
+    def incomplete(self) -> bool:
+        """Whether something that should have been kept was not."""
+        return self._directory.failed or (self._recorder is not None and self._recorder.failed)
+
+    def exit_code(self) -> int:
+        """0, or 3 when the recording is incomplete."""
+        return INCOMPLETE if self.incomplete else DONE
+
+
+def _directory(parameters: FusionNodeParameters, session: Session) -> Path:
+    if parameters.run_directory:
+        path = Path(parameters.run_directory).absolute()
+        if not path.exists():
+            create_run_directory(path)
+        return path
+    fusion = session.parameters
+    runs = Path.cwd() / "runs"
+    try:
+        runs.mkdir(exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{runs}: can't be made ({error.strerror}); set the parameter run_directory") from None
+    return create_next_run_directory(runs, f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}")
+
+
+def _config(parameters: FusionNodeParameters, session: Session, launcher_file: str) -> dict[str, Any]:
+    """Every parameter in force. A launcher, which knows the other nodes' too, hands them on in its parameter file."""
+    nodes: dict[str, Any] = {}
+    if launcher_file:
+        document = yaml.safe_load(Path(launcher_file).read_text())
+        nodes = {name.lstrip("/"): section["ros__parameters"] for name, section in document.items()}
+    nodes["fusion"] = {**asdict(session.parameters), **asdict(parameters)}
+    return {
+        "versions": software_versions(),
+        "git_revision": git_revision(Path(__file__).resolve().parent),
+        "parameters": nodes,
+    }
+
+
+def _observations(config: Mapping[str, Any]) -> list[Attachment]:
+    """What behaviors of the user's own sense: the Python files that the launcher names as FILE.py:NAME."""
+    sources: dict[str, str] = {
+        name: values["observation"].rpartition(":")[0]
+        for name, values in config["parameters"].items()
+        if name != "fusion" and values.get("observation")
+    }
+    try:
+        return [
+            Attachment(f"{OBSERVATIONS}{name}.py", _PYTHON, Path(file).read_bytes()) for name, file in sources.items()
+        ]
+    except OSError as error:
+        raise BadInput(f"{error.filename}: the observation can't be recorded ({error.strerror})") from None
+
+
+def _channels(behaviors: Sequence[str], resolve: Callable[[str], str]) -> list[Channel]:
+    def share(package: str) -> Path:
+        return Path(get_package_share_directory(package))
+
+    topics = [(WORLD, World), *((behavior_topic(name), BehaviorOutput) for name in behaviors)]
+    topics += [(WHEEL_COMMAND, WheelCommand), (DECISION, Decision)]
+    return [
+        Channel(
+            resolve(topic),
+            type_name(kind),
+            schema_text(type_name(kind), share),
+            type_hash(type_name(kind), share),
+            qos_of(STEP_QOS),
+        )
+        for topic, kind in topics
+    ]

@@ -1,0 +1,73 @@
+"""The episodes of a recording, from its steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from fbql_common.core.types import Phase
+
+from fbql_recording.core.steps import Step
+
+
+@dataclass
+class Episode:
+    """One episode as it was recorded. None is "n/a": the recording does not tell."""
+
+    index: int
+    """Its number in the run."""
+    first_step: int
+    """Index of its first step among those of the recording."""
+    recorded_steps: int = 0
+    """How many of its steps were recorded: it is steps[first_step : first_step + recorded_steps]."""
+    phase: str | None = None
+    """guided, learning or evaluation."""
+    seed: int | None = None
+    """From the run's episodes.csv."""
+    outcome: str | None = None
+    """goal, own_goal or timeout; None: the recording ends, or the episode was lost and began again, before its end."""
+    steps: int = 0
+    """Number of its last step: how many were driven."""
+    collisions_begun: int | None = None
+    collision_steps: int | None = None
+    return_: float | None = None
+    """Sum of the rewards."""
+    degraded: bool | None = None
+    """Whether a step or an answer was missing, so that not all of it was learned from."""
+    begin_ns: int = 0
+    """Stamp of its first step [ns]."""
+    end_ns: int = 0
+    """Stamp of its last step [ns]."""
+
+
+def episodes_of(steps: Iterable[Step]) -> Iterator[Episode]:
+    """The episodes of a recording, each as it ends; an episode that began again is there twice."""
+    episode: Episode | None = None
+    for index, step in enumerate(steps):
+        begins = episode is None or step.episode != episode.index or step.step <= episode.steps
+        if episode is None or begins or step.begins_again:
+            if episode is not None:
+                yield episode
+            episode = Episode(step.episode, index, begin_ns=step.stamp_ns)
+        _add(episode, step)
+    if episode is not None:
+        yield episode
+
+
+def _add(episode: Episode, step: Step) -> None:
+    episode.recorded_steps += 1
+    episode.steps = step.step
+    episode.end_ns = step.stamp_ns
+    world, decision = step.world, step.decision
+    if world is not None:
+        episode.collisions_begun = (episode.collisions_begun or 0) + world.collision_begun
+        episode.collision_steps = (episode.collision_steps or 0) + world.collision
+        if world.terminated:
+            episode.outcome = "goal" if world.goal else "own_goal"
+        elif world.truncated:
+            episode.outcome = "timeout"
+    if decision is not None:
+        phases = {int(phase): phase.name.lower() for phase in Phase}
+        episode.phase = phases.get(decision.phase)
+        episode.return_ = (episode.return_ or 0.0) + decision.reward
+        episode.degraded = bool(episode.degraded) or decision.degraded

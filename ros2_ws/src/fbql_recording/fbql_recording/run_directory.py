@@ -1,0 +1,206 @@
+"""The run directory: everything a run leaves behind, in one place that is never overwritten.
+
+config.yaml    every parameter in force, versions, git revision
+episodes.csv   one row an episode, written as it ends
+summary.json   the result
+policy.npz     what was learned, where something was
+trees/         copies of the tree files
+log/           logs of the processes
+metadata.yaml, <name>_0.mcap   the recording (recording.py)
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import itertools
+import json
+import os
+import platform
+import shutil
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from fbql_common.atomic_file import write_atomically
+from fbql_common.core.errors import BadInput
+
+from fbql_recording.bag_metadata import to_yaml
+from fbql_recording.core.metrics import EpisodeRecord, Summary
+
+EPISODE_COLUMNS = ("index", "phase", "seed", "outcome", "steps", "collisions_begun", "collision_steps", "return")
+ROOM_BYTES = 64 * 1024
+"""Kept free for the summary, so that even on a full disk a run can say that it is incomplete."""
+_PACKAGES = ("numpy", "pymunk", "mcap", "ros-jazzy-rclpy")
+
+
+def create_run_directory(path: Path) -> None:
+    """Makes runs/<name>/ with trees/ and log/.
+
+    Raises:
+        BadInput: it exists, its parent does not, or nothing can be written there.
+    """
+    if path.exists() or path.is_symlink():
+        raise BadInput(f"{path} exists; a run is never overwritten, choose another directory")
+    if not path.parent.is_dir():
+        raise BadInput(f"{path}: there is no directory {path.parent}; make it, or choose another place")
+    made: list[Path] = []
+    try:
+        for directory in (path, path / "trees", path / "log"):
+            directory.mkdir()
+            made.append(directory)
+    except OSError as error:
+        for directory in reversed(made):
+            directory.rmdir()
+        raise BadInput(f"{path}: can't make the run directory ({error.strerror}); choose another place") from None
+
+
+def create_next_run_directory(runs: Path, name: str) -> Path:
+    """Makes runs/NAME or, where that is there already, the first of NAME-1, NAME-2 ... that is not; gives its path.
+
+    Several processes may do so at the same time: each gets one of its own.
+
+    Raises:
+        BadInput: nothing can be written there.
+    """
+    paths = itertools.chain([runs / name], (runs / f"{name}-{count}" for count in itertools.count(1)))
+    while True:
+        path = next(paths)
+        try:
+            create_run_directory(path)
+            return path
+        except BadInput:
+            if not (path.exists() or path.is_symlink()):
+                raise
+
+
+class RunDirectory:
+    """Writes a run's files. A disk that fails is reported once; the run goes on, incomplete.
+
+    Args:
+        path: made by `create_run_directory` (or by hand), and not yet used by a run.
+        config: every parameter in force, by node: plain dicts, lists, texts and numbers.
+        tree_files: the tree files that are played; copies go to trees/.
+        report: called once, with one line, when something could not be written.
+
+    Raises:
+        BadInput: the directory is missing, was used already, or can't be written to; a tree file can't be copied.
+    """
+
+    def __init__(
+        self, path: Path, config: Mapping[str, Any], tree_files: Sequence[Path], report: Callable[[str], None]
+    ) -> None:
+        self.path = path
+        self.failed = False
+        """Whether something could not be written: the run is incomplete."""
+        self._report = report
+        self._size = 0
+        if not path.is_dir():
+            raise BadInput(f"{path}: no such run directory; make it with create_run_directory")
+        if (path / "config.yaml").exists():
+            raise BadInput(f"{path} holds a run already; a run is never overwritten, choose another directory")
+        try:
+            (path / "trees").mkdir(exist_ok=True)
+            for tree_file in tree_files:
+                shutil.copyfile(tree_file, path / "trees" / tree_file.name)
+            write_atomically(path / "config.yaml", to_yaml(dict(config)).encode())
+            self._episodes = os.open(path / "episodes.csv", os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+            self._append(",".join(EPISODE_COLUMNS) + "\n")
+            self._room = path / ".room_for_the_summary"
+            self._room.write_bytes(bytes(ROOM_BYTES))
+        except OSError as error:
+            where = error.filename or path
+            raise BadInput(f"{where}: can't begin the run ({error.strerror}); choose another place") from None
+
+    def add_episode(self, record: EpisodeRecord) -> None:
+        """Adds a row to episodes.csv and hands it to the operating system."""
+        values = (
+            record.index,
+            record.phase.name.lower(),
+            record.seed,
+            record.outcome,
+            record.steps,
+            record.collisions_begun,
+            record.collision_steps,
+            record.return_,
+        )
+        if not self.failed:
+            self._guarded("episodes.csv", lambda: self._append(",".join(map(str, values)) + "\n"))
+
+    def write_policy(self, content: Callable[[], bytes]) -> None:
+        """Writes policy.npz, whole or not at all. Content that raises BadInput is not written, and reported."""
+        self._guarded("policy.npz", lambda: write_atomically(self.path / "policy.npz", content()))
+
+    def write_summary(self, summary: Summary) -> None:
+        """Writes summary.json, whole or not at all; `incomplete` is set where anything failed here before."""
+        values = summary._asdict()
+        values["incomplete"] = summary.incomplete or self.failed
+        data = (json.dumps(values, indent=2, allow_nan=False) + "\n").encode()
+        self._room.unlink(missing_ok=True)
+        self._guarded("summary.json", lambda: write_atomically(self.path / "summary.json", data))
+
+    def close(self) -> None:
+        """Closes episodes.csv. Further calls do nothing; nothing is written afterwards."""
+        if self._episodes >= 0:
+            os.close(self._episodes)
+            self._episodes = -1
+            self._room.unlink(missing_ok=True)
+
+    def _append(self, line: str) -> None:
+        data = line.encode()
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[os.write(self._episodes, rest) :]
+        except OSError:
+            # Half a row would be read as a whole one.
+            with suppress(OSError):
+                os.ftruncate(self._episodes, self._size)
+            raise
+        self._size += len(data)
+
+    def _guarded(self, name: str, write: Callable[[], None]) -> None:
+        """Writes; a failure is latched and reported the first time, never raised."""
+        try:
+            write()
+        except (OSError, BadInput) as error:
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            if not self.failed:
+                self._report(f"{self.path / name} could not be written, the run goes on incomplete: {reason}")
+            self.failed = True
+
+
+def software_versions() -> dict[str, str]:
+    """Versions of Python and of what the numbers depend on; packages that are not installed are left out."""
+    versions = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        with suppress(importlib.metadata.PackageNotFoundError):
+            versions[package] = importlib.metadata.version(package)
+    return versions
+
+
+def git_revision(directory: Path) -> str:
+    """The revision of a source tree: a commit, with "+changes" where files differ from it; "unknown" outside git."""
+    commands = (["rev-parse", "HEAD"], ["status", "--porcelain", "--untracked-files=no"])
+    texts: list[str] = []
+    for command in commands:
+        try:
+            done = subprocess.run(
+                ["git", "-C", str(directory), *command], capture_output=True, text=True, timeout=10, check=True
+            )
+        except (OSError, subprocess.SubprocessError):
+            return "unknown"
+        texts.append(done.stdout.strip())
+    return texts[0] + ("+changes" if texts[1] else "")
+
+
+def custom_data(config: Mapping[str, Any]) -> dict[str, str]:
+    """What a recording says about its run, from the run's configuration."""
+    fusion = config["parameters"]["fusion"]
+    return {
+        "controller": str(fusion["controller"]),
+        "seed": str(fusion["seed"]),
+        "git_revision": str(config["git_revision"]),
+        "behaviors": " ".join(fusion["behaviors"]),
+    }

@@ -1,0 +1,26 @@
+"""Name, version and the rest are read from package.xml, which is their one place."""
+
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+manifest = ElementTree.parse("package.xml").getroot()
+name = manifest.findtext("name")
+maintainer = manifest.find("maintainer")
+
+setup(
+    name=name,
+    version=manifest.findtext("version"),
+    description=manifest.findtext("description"),
+    license=manifest.findtext("license"),
+    maintainer=maintainer.text,
+    maintainer_email=maintainer.get("email"),
+    packages=find_packages(),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
+        (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
+    ],
+    install_requires=["setuptools", "lz4", "mcap", "numpy", "PyYAML", "zstandard"],
+    extras_require={"tables": ["pandas", "pyarrow"], "test": ["pytest"]},
+    zip_safe=False,
+)

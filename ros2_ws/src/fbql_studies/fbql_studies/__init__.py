@@ -1,0 +1,1 @@
+"""Studies over many seeds. `fbql experiment NAME` runs them."""

@@ -1,0 +1,129 @@
+"""Runs a study over seeds, side by side on all cores or on a cluster; goes on where an earlier run was stopped."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from fbql.cli.exit_codes import DONE, FAILED
+from fbql.cli.interrupts import Interrupted, Interrupts
+from fbql.cli.parser import Parser
+from fbql.cli.places import ROOT, RUNS
+from fbql.statistics.tables import Table, as_markdown, as_text
+from fbql_common.atomic_file import write_atomically
+from fbql_common.core.errors import BadInput
+from fbql_recording.run_directory import git_revision
+
+from fbql_studies.runner.store import Store
+from fbql_studies.runner.study import STUDIES, Task, study_of
+from fbql_studies.runner.workers import Ended, run_locally, run_on_cluster
+
+_COMMON = ("study", "jobs", "out", "scheduler", "json")
+
+
+def run(options: Any, interrupts: Interrupts) -> int:
+    """Runs what of the study is not done yet, and tells all of it. Gives 0, or 1 where a task failed."""
+    if options.jobs < 1:
+        raise BadInput(f"--jobs is {options.jobs}; it must be 1 or more")
+    study = study_of(options.study)
+    tasks = study.tasks(options)
+    out = (options.out or RUNS / f"study-{options.study}").absolute()
+    own = {name: value for name, value in vars(options).items() if name not in _COMMON}
+    with Store(out, {"study": options.study, "options": json.loads(json.dumps(own, default=str))}) as store:
+        _run(options, store, tasks, interrupts)
+        results = {task.key: result for task in tasks if (result := store.result_of(task.key)) is not None}
+        if interrupts.came and len(results) < len(tasks):
+            raise Interrupted("stopped; the same command goes on from here")
+        failed = {task.key: store.failure_of(task.key) for task in tasks if task.key not in results}
+        table = study.table(results)
+        told = study.words(table)
+        summary = {
+            "study": options.study,
+            "table": table,
+            "columns": {name: study.COLUMNS[name] for name in dict.fromkeys(name for row in table for name in row)},
+            "out": str(out),
+            "options": own,
+            "git_revision": ", ".join(store.revisions()) or "unknown",
+            "tasks": len(tasks),
+            "done": len(results),
+            "failed": failed,
+        }
+        text = json.dumps(summary, default=str, allow_nan=False)
+        write_atomically(out / "table.json", f"{text}\n".encode())
+        page = "\n\n".join(f"{title}\n\n{as_markdown(each)}" for title, each in told.items())
+        write_atomically(out / "tables.md", f"{page}\n".encode())
+        files = study.figures(results, out)
+    print(text if options.json else _worded(summary, told, files))
+    return FAILED if failed else DONE
+
+
+def parser(program: str) -> Parser:
+    """The command line."""
+    result = Parser(prog=program, description=__doc__)
+    studies = result.add_subparsers(dest="study", required=True, metavar="NAME", parser_class=Parser)
+    for name in STUDIES:
+        study = study_of(name)
+        own = studies.add_parser(name, help=study.DESCRIPTION, description=study.DESCRIPTION)
+        study.add_options(own)
+        own.add_argument(
+            "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="workers on this machine (all cores)"
+        )
+        own.add_argument(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="run on the Dask cluster of this scheduler instead (docs/studies.md says how to start one: scheduler and "
+            "workers need this project's environment)",
+        )
+        own.add_argument(
+            "--out",
+            type=Path,
+            metavar="DIR",
+            help=f"directory of the results (runs/study-{name}); one with fewer seeds or trees goes on from there",
+        )
+        own.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    return result
+
+
+def _run(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrupts) -> None:
+    """Runs what is not done yet."""
+    waiting = [task for task in tasks if store.result_of(task.key) is None]
+    done = len(tasks) - len(waiting)
+    if done:
+        print(f"{done} of {len(tasks)} tasks are done already", file=sys.stderr)
+    if not waiting:
+        return
+    revision = git_revision(ROOT)
+    if done and not store.revisions():
+        store.add_revision("unknown")
+    if done and store.revisions() != [revision]:
+        print("note: by another revision of the project; a new directory does all of them anew", file=sys.stderr)
+    begun_s = monotonic()
+    for count, ended in enumerate(_ended(options, store, waiting, interrupts), start=1):
+        left_s = (monotonic() - begun_s) / count * (len(waiting) - count)
+        if not ended.failure:
+            store.add_revision(revision)
+        state = f"FAILED: {ended.failure}" if ended.failure else f"done, about {left_s:.0f} s left"
+        print(f"[{done + count}/{len(tasks)}] {ended.key} {state}", file=sys.stderr, flush=True)
+
+
+def _ended(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrupts) -> Iterator[Ended]:
+    def stopped() -> bool:
+        return interrupts.came != 0
+
+    module = STUDIES[options.study]
+    if options.scheduler:
+        return run_on_cluster(options.scheduler, module, tasks, store, stopped)
+    return run_locally(module, tasks, store, options.jobs, stopped)
+
+
+def _worded(summary: Mapping[str, Any], told: Mapping[str, Table], figures: Sequence[Path]) -> str:
+    lines = [f"{title}\n\n{as_text(each)}\n" for title, each in told.items() if each.body] or ["no results"]
+    lines += [f"{summary['done']} of {summary['tasks']} tasks; results in {summary['out']}: tables.md and table.json"]
+    lines += [f"FAILED {key}: {reason}" for key, reason in summary["failed"].items()]
+    lines += [f"figure {file}" for file in figures if file.suffix == ".svg"]
+    return "\n".join(lines)

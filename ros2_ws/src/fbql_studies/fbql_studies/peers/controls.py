@@ -1,0 +1,74 @@
+"""What learns nothing, or only a few numbers: Subsumption, equal and constant weights, each behavior alone, the scripted law."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from fbql_behaviors.core.behavior import Behavior
+from fbql_fusion.core.parameters import FusionParameters
+from fbql_sim.core.world_loop import WorldLoop
+
+from fbql_studies.constant_blend import CONSTANT, Weights, blend_played, grid
+from fbql_studies.methods import BEHAVIORS
+from fbql_studies.peers.play import score_of_law, score_of_session
+from fbql_studies.tree_play import Score
+from fbql_studies.tuning import TUNING_SEED, retuned
+
+LAW, UNIFORM = "scripted law, sees all", "uniform weights"
+PAPER, TUNED, RETUNED = "subsumption, paper", "subsumption, tuned", "subsumption, re-tuned"
+ALONE = tuple(f"{name} alone" for name in BEHAVIORS)
+METHODS = (LAW, PAPER, TUNED, RETUNED, UNIFORM, CONSTANT, *ALONE)
+
+
+class Controls:
+    """The controls of one tree set, tuned for it on training episodes alone.
+
+    Args:
+        behaviors: the behaviors of the tree set, in the order of BEHAVIORS.
+        budget: simulated steps that the search for constant weights may use.
+    """
+
+    def __init__(self, behaviors: Sequence[Behavior], budget: int) -> None:
+        self._behaviors = list(behaviors)
+        self._loop = WorldLoop()
+        self.thresholds = retuned(self._behaviors, self._loop)
+        self.weights, self.weights_steps = self._best_weights(budget)
+
+    def _best_weights(self, budget: int) -> tuple[Weights, int]:
+        """The constant weights with the least cost/goal: as many training episodes for each as the budget allows."""
+        scores = {weights: [0, 0] for weights in grid(len(self._behaviors))}
+        used = episode = 0
+        while used < budget:
+            for weights, found in scores.items():
+                score = self._score(weights, TUNING_SEED + episode, 1)
+                found[0] += score.steps
+                found[1] += score.goals
+                used += score.steps
+            episode += 1
+        best = min(scores, key=lambda each: scores[each][0] / scores[each][1] if scores[each][1] else float("inf"))
+        return best, used
+
+    def play(self, run_seed: int, episodes: int) -> dict[str, Score]:
+        """Every control on so many episodes of a run seed."""
+        fusion = FusionParameters(controller="subsumption", seed=run_seed, episodes=episodes)
+        wall_m, approach_rad = self.thresholds
+        sessions = {
+            PAPER: replace(fusion, preset="paper"),
+            TUNED: replace(fusion, preset="tuned"),
+            RETUNED: replace(fusion, wall_threshold_m=wall_m, approach_threshold_rad=approach_rad),
+            UNIFORM: replace(fusion, controller="uniform"),
+        }
+        found = {LAW: score_of_law(run_seed, episodes)}
+        for method, each in sessions.items():
+            found[method] = score_of_session(each, self._behaviors, self._loop)
+        places = range(len(self._behaviors))
+        single = [tuple(1.0 if i == driver else 0.0 for i in places) for driver in places]
+        for method, weights in {CONSTANT: self.weights, **dict(zip(ALONE, single, strict=True))}.items():
+            found[method] = self._score(weights, run_seed, episodes)
+        return found
+
+    def _score(self, weights: Weights, run_seed: int, episodes: int) -> Score:
+        """What constant weights are worth on so many episodes of a run seed."""
+        found = blend_played(weights, self._behaviors, self._loop, run_seed, episodes)
+        return Score(*(found[name] for name in Score._fields))

@@ -1,0 +1,1 @@
+"""What every study shares: tasks, the store of their results, workers."""

@@ -1,0 +1,191 @@
+"""A study's directory: its options, one file a finished task, and a lock that keeps a second run out.
+
+config.json         the study and its options
+tasks/KEY.json      the result of a task that is done
+tasks/KEY.failed    why a task failed; gone once it is done
+revisions.json      the revisions of the project that did tasks, in order
+lock                held while a run uses the directory
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from fbql_common.atomic_file import write_atomically
+from fbql_common.core.errors import BadInput
+
+from fbql_studies.runner.study import Result
+
+COUNTS = ("seeds", "trees")
+"""Options that say how many. A directory serves fewer and more: a task that depends on them says so in its key."""
+_MADE_FIRST = {"tasks", "lock"}
+"""What is there before config.json is."""
+
+
+class Store:
+    """Keeps a study's results. A task's file is there whole or not at all, so that a run can go on after any stop.
+
+    Args:
+        directory: made if it is not there.
+        config: what the tasks depend on (study and options), as JSON values. A directory of the same study with other COUNTS
+            goes on with these; one where no task ended yet is anybody's.
+
+    Raises:
+        BadInput: the directory can't be used, has other files in it, belongs to another study or other options, or a run
+            is using it now.
+    """
+
+    def __init__(self, directory: Path, config: dict[str, Any]) -> None:
+        self.directory = directory
+        try:
+            others = _others_in(directory)
+            if others and "config.json" not in others:
+                raise BadInput(f"{directory}: no study's directory, but {min(others)} is in it; choose a new one")
+            (directory / "tasks").mkdir(parents=True, exist_ok=True)
+            self._lock = os.open(directory / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise BadInput(f"{directory}: can't be used for a study ({error.strerror}); choose another place") from None
+        try:
+            self._take(config)
+        except BaseException:
+            os.close(self._lock)
+            raise
+
+    def _take(self, config: dict[str, Any]) -> None:
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise BadInput(
+                f"{self.directory}: a study is running there now; wait for it or choose another directory"
+            ) from None
+        path = self.directory / "config.json"
+        try:
+            is_new = not path.exists()
+            found = config if is_new else _parsed(path.read_text())
+            if _is_a_study(found) and self._is_unused():
+                found, is_new = config, True
+            if _uncounted(found) == _uncounted(config):
+                if is_new or found != config:
+                    text = json.dumps(config, indent=2, sort_keys=True)
+                    write_atomically(path, f"{text}\n".encode())
+                return
+        except (OSError, ValueError) as error:
+            raise BadInput(f"{path}: can't be used ({error}); choose another directory") from None
+        raise BadInput(f"{self.directory}: holds {_difference(found, config)}; choose another directory")
+
+    def _is_unused(self) -> bool:
+        """Whether a study was begun here, but no task ended."""
+        return not _others_in(self.directory) - {"config.json"} and not any((self.directory / "tasks").iterdir())
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._lock)
+
+    def result_of(self, key: str) -> Result | None:
+        """A task's result; None when it is not done. A file that can't be read, or holds none, counts as not done."""
+        try:
+            found = json.loads(_result_path(self.directory, key).read_bytes())
+            return found if isinstance(found, dict) and found else None
+        except (OSError, ValueError):
+            return None
+
+    def revisions(self) -> list[str]:
+        """The revisions of the project that did the tasks, in order."""
+        try:
+            found = _parsed((self.directory / "revisions.json").read_text(errors="replace"))
+        except OSError:
+            return []
+        return [str(each) for each in found] if isinstance(found, list) else ["unknown"]
+
+    def add_revision(self, revision: str) -> None:
+        """Takes note of the revision that does the tasks from now on."""
+        known = self.revisions()
+        if revision not in known:
+            text = json.dumps([*known, revision])
+            write_atomically(self.directory / "revisions.json", f"{text}\n".encode())
+
+    def failure_of(self, key: str) -> str:
+        """Why a task failed; empty when it did not."""
+        try:
+            return _failure_path(self.directory, key).read_text().strip()
+        except (OSError, ValueError):
+            return ""
+
+
+def _others_in(directory: Path) -> set[str]:
+    """Names in a directory of what a study that was ended at any time could not have left there without a config.json."""
+    names = {path.name for path in directory.iterdir()} if directory.exists() else set[str]()
+    return {name for name in names if name not in _MADE_FIRST and not name.startswith(".config.json.")}
+
+
+def _parsed(text: str) -> Any:
+    """What a text in JSON says; None where it is none."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return None
+
+
+def _is_a_study(config: Any) -> bool:
+    """Whether a config.json is one of ours."""
+    match config:
+        case {"study": str(), "options": dict(), **others} if not others:
+            return True
+        case _:
+            return False
+
+
+def _uncounted(config: Any) -> Any:
+    """What a config.json says but for COUNTS."""
+    match config:
+        case {"options": dict() as options}:
+            return {**config, "options": {name: value for name, value in options.items() if name not in COUNTS}}
+        case _:
+            return config
+
+
+def _difference(found: Any, asked: dict[str, Any]) -> str:
+    """How the study that config.json holds differs from the one that is asked for."""
+    try:
+        if found["study"] != asked["study"]:
+            return f"the study {found['study']}, not {asked['study']}"
+        own, others = (_uncounted(config)["options"] for config in (found, asked))
+        name = next(
+            name
+            for name in (*others, *sorted(own))
+            if name not in own.keys() & others.keys() or own[name] != others[name]
+        )
+        option = f"--{name.replace('_', '-')}"
+        kept, wanted = (f"{option} {each[name]}" if name in each else f"no {option}" for each in (own, others))
+        return f"this study with {kept}, not {wanted}"
+    except (KeyError, TypeError, AttributeError, StopIteration):
+        return "a config.json that is no study's"
+
+
+def write_result(directory: Path | str, key: str, result: Result) -> None:
+    """Writes a task's result, whole or not at all. Raises ValueError for a number that is not finite."""
+    text = json.dumps(result, sort_keys=True, allow_nan=False) + "\n"
+    write_atomically(_result_path(directory, key), text.encode())
+    _failure_path(directory, key).unlink(missing_ok=True)
+
+
+def write_failure(directory: Path | str, key: str, reason: str) -> None:
+    """Writes down why a task failed."""
+    write_atomically(_failure_path(directory, key), f"{reason}\n".encode())
+
+
+def _result_path(directory: Path | str, key: str) -> Path:
+    return Path(directory) / "tasks" / f"{key}.json"
+
+
+def _failure_path(directory: Path | str, key: str) -> Path:
+    return Path(directory) / "tasks" / f"{key}.failed"

@@ -1,0 +1,165 @@
+"""Runs tasks side by side: a process for each, or on a Dask cluster. A worker that dies costs its task one retry."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import signal
+import sys
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from multiprocessing import get_context
+from multiprocessing.connection import wait
+from multiprocessing.process import BaseProcess
+from traceback import format_exception_only
+from typing import Any, NamedTuple
+from uuid import uuid4
+
+from fbql_common.core.errors import BadInput
+
+from fbql_studies.runner.store import Store, write_failure, write_result
+from fbql_studies.runner.study import Result, Task
+
+ATTEMPTS = 2
+_POLL_S = 0.2
+_CONNECT_S = 10
+_PR_SET_PDEATHSIG = 1
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class Ended(NamedTuple):
+    """A task that ended: done, or failed for good."""
+
+    key: str
+    failure: str
+    """Why it failed; empty when it is done."""
+
+
+def run_locally(
+    module: str, tasks: Sequence[Task], store: Store, jobs: int, stopped: Callable[[], bool]
+) -> Iterator[Ended]:
+    """Runs each task in a fresh process, `jobs` at a time; yields each as it ends.
+
+    The worker writes its result itself, so that a launcher that dies loses nothing that is done. `stopped` is asked a
+    few times a second; when it says True the running workers are ended.
+
+    Args:
+        module: the study's module, which the workers can import.
+    """
+    for name in _THREADS:
+        os.environ.setdefault(name, "1")  # the workers share the cores already
+    context = get_context("spawn")
+    pending = deque((task, 1) for task in tasks)
+    running: dict[int, tuple[BaseProcess, Task, int]] = {}
+    try:
+        while (pending or running) and not stopped():
+            while pending and len(running) < jobs:
+                task, attempt = pending.popleft()
+                process = context.Process(target=_work, args=(module, task, str(store.directory), os.getpid()))
+                process.start()
+                running[process.sentinel] = (process, task, attempt)
+            for sentinel in wait(list(running), timeout=_POLL_S):
+                process, task, attempt = running.pop(sentinel)  # type: ignore[arg-type]  # sentinels are ints here
+                process.join()
+                if process.exitcode == 0:
+                    yield Ended(task.key, "")
+                elif attempt < ATTEMPTS:
+                    pending.appendleft((task, attempt + 1))
+                else:
+                    if process.exitcode != 1:  # 1: it wrote down what was wrong itself
+                        write_failure(store.directory, task.key, f"the worker was ended by {_ender(process.exitcode)}")
+                    yield Ended(task.key, store.failure_of(task.key) or "the worker failed")
+    finally:
+        for process, _, _ in running.values():
+            process.terminate()
+        for process, _, _ in running.values():
+            process.join()
+
+
+def _ender(exitcode: int | None) -> str:
+    """What ended a process that did not end by itself."""
+    with suppress(ValueError):
+        return signal.Signals(-(exitcode or 0)).name
+    return f"exit code {exitcode}"
+
+
+def _work(module: str, task: Task, directory: str, launcher: int) -> None:
+    """One task in its own process. Ends with the launcher; leaves the terminal's Ctrl-C to it."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != launcher:
+        os._exit(1)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        write_result(directory, task.key, import_module(module).run(task.parameters))
+    except Exception as error:  # whatever it is, the launcher tells it and the other tasks go on
+        write_failure(directory, task.key, worded(error))
+        sys.exit(1)
+
+
+def worded(error: BaseException) -> str:
+    """An exception in one line."""
+    return " ".join("".join(format_exception_only(error)).split())
+
+
+def run_on_cluster(
+    scheduler: str, module: str, tasks: Sequence[Task], store: Store, stopped: Callable[[], bool]
+) -> Iterator[Ended]:
+    """Runs the tasks on a Dask cluster, whose workers must have this project's environment; yields each as it ends.
+
+    Raises:
+        BadInput: Dask is not installed, or the scheduler does not answer.
+    """
+    try:
+        from distributed import CancelledError, Client, Future, wait  # an optional extra
+    except ModuleNotFoundError:
+        raise BadInput("--scheduler needs Dask: pip install -r requirements-study.txt") from None
+    with _without_logs():  # Dask logs tracebacks of what is told here in one line
+        try:
+            client = Client(scheduler, timeout=_CONNECT_S)
+        except (OSError, ValueError) as error:
+            raise BadInput(f"--scheduler {scheduler}: {worded(error)}; is a Dask scheduler running there?") from None
+    with _without_logs(), client:
+        run = uuid4().hex  # two runs on one cluster must not mistake each other's results for their own
+        waiting: dict[Future, Task] = {
+            client.submit(
+                _remote, module, task.parameters, key=f"{run}-{task.key}", retries=ATTEMPTS - 1, pure=False
+            ): task
+            for task in tasks
+        }
+        while waiting and not stopped():
+            try:
+                ended = wait(list(waiting), timeout=_POLL_S, return_when="FIRST_COMPLETED").done
+                done = {future: future.result() for future in ended if future.status == "finished"}
+                failed = {future: worded(future.exception()) for future in ended if future.status == "error"}
+            except TimeoutError:
+                continue
+            except (CancelledError, OSError):
+                raise BadInput(f"--scheduler {scheduler}: it ended; the same command goes on from here") from None
+            # One that is neither was done, and its result went with a worker that died: it is computed anew.
+            for future, result in done.items():
+                key = waiting.pop(future).key
+                write_result(store.directory, key, result)
+                yield Ended(key, "")
+            for future, reason in failed.items():
+                key = waiting.pop(future).key
+                write_failure(store.directory, key, reason)
+                yield Ended(key, store.failure_of(key))
+        client.cancel(list(waiting))
+
+
+@contextmanager
+def _without_logs() -> Iterator[None]:
+    """Nobody logs an error or less."""
+    before = logging.root.manager.disable
+    logging.disable(logging.ERROR)
+    try:
+        yield
+    finally:
+        logging.disable(before)
+
+
+def _remote(module: str, parameters: dict[str, Any]) -> Result:
+    return import_module(module).run(parameters)

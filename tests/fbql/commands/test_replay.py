@@ -1,0 +1,93 @@
+"""`scripts/replay.py` as a process, on a run that `scripts/bringup.py` recorded as a graph of processes."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from struct import pack
+
+import pytest
+from bringup_run import Run
+from fbql_common.wire import decode_decision
+from fbql_recording import Message, open_run
+from rewritten_run import rewrite
+from run_directory_reader import summary_of
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A run that learned, its first episode guided."""
+    place = tmp_path_factory.mktemp("bringup")
+    words = ["--controller", "fbql", "--guided", "1", "--episodes", "1", "--max-steps", "400", "--seed", "1"]
+    run = Run(place, [*words, "--out", str(place / "run")])
+    assert run.exit_code() == 0, run.stderr
+    yield run.out
+    run.close()
+
+
+def test_a_run_of_the_graph_is_verified_step_by_step(recorded, start):
+    verify = start(str(recorded), "--verify", "--json", script="replay.py", out=False)
+    assert verify.exit_code() == 0, verify.stderr
+    found = json.loads(verify.stdout)
+    assert (found["identical"], found["first_difference"], found["not_recomputed"]) == (True, None, {})
+    assert 6 * found["steps"] == summary_of(recorded)["messages_recorded"] > 600
+    assert found["digest"] == summary_of(recorded)["digest"]
+
+
+def test_a_run_of_the_graph_is_replayed_onto_ros(recorded, start):
+    replay = start(str(recorded), "--rate", "0", "--wait", "0", script="replay.py", out=False)
+    assert replay.exit_code() == 0, replay.stderr
+    assert f"replayed {sum(open_run(recorded).counts.values())} messages" in replay.stderr
+
+
+def test_what_if_tells_json_and_nothing_else_on_stdout(recorded, start):
+    what_if = start(str(recorded), "--set", "weight_gain=0.05", "--json", script="replay.py", out=False)
+    assert what_if.exit_code() == 0, what_if.stderr
+    assert json.loads(what_if.stdout)["changed"] == {"weight_gain": [0.01, 0.05]}
+
+
+def test_no_run_is_one_line(tmp_path, start):
+    replay = start(str(tmp_path / "gone"), "--verify", script="replay.py", out=False)
+    assert replay.exit_code() == 2
+    assert replay.stderr == f"replay.py: {tmp_path / 'gone'}: no such run or recording\n"
+
+
+def flipped(message: Message, place: float, bit: int) -> bytes:
+    """A decision with one bit of one of its weights flipped, whichever lies there."""
+    weights = decode_decision(message.data).weights
+    at = message.data.index(pack(f"<{len(weights)}d", *weights))
+    data = bytearray(message.data)
+    data[at + int(place * 8 * len(weights))] ^= 1 << bit
+    return bytes(data)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_of_a_run_that_learned_every_step_is_identical_and_a_flipped_bit_of_a_weight_is_named(start, tmp_path, seed):
+    bringup = start("--controller", "fbql", "--learn", "--episodes", "3", "--seed", str(seed))
+    assert bringup.exit_code() == 0, bringup.stderr
+    steps = [(step.episode, step.step) for step in open_run(bringup.out).steps()]
+    verify = start(str(bringup.out), "--verify", "--json", script="replay.py", out=False)
+    assert verify.exit_code() == 0, verify.stderr
+    found = json.loads(verify.stdout)
+    assert (found["identical"], found["steps"], found["not_recomputed"]) == (True, len(steps), {})
+
+    chance = random.Random(seed)
+    index, place, bit = chance.randrange(len(steps)), chance.random(), chance.randrange(8)
+
+    def change(message: Message) -> bytes:
+        if message.topic != "/fusion/decision":
+            return message.data
+        decision = decode_decision(message.data)
+        is_it = (decision.episode, decision.step) == steps[index]
+        return flipped(message, place, bit) if is_it else message.data
+
+    copy = rewrite(bringup.out, tmp_path / "flipped", change)
+    verify = start(str(copy), "--verify", "--json", script="replay.py", out=False)
+    assert verify.exit_code() == 1, verify.stderr
+    found = json.loads(verify.stdout)
+    difference = found["first_difference"]
+    assert (found["identical"], found["steps"], difference["index"]) == (False, index, index)
+    assert (difference["episode"], difference["step"]) == steps[index]
+    assert difference["what"] == "weights of the decision"

@@ -1,0 +1,97 @@
+"""What a match starts from, told by its options: the policy that ships, another one, or nothing, and what is said of it."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from fbql.match.in_process import parts_of
+from fbql.match.options import Match, match_from, match_parser, same_options
+from fbql_behaviors.shipped import shipped_trees
+from fbql_behaviors.storage import load_tree, save_tree
+from fbql_common.core.errors import BadInput
+from fbql_fusion.shipped import shipped_policy
+
+
+def match(*words: str) -> Match:
+    return match_from(match_parser("play", "").parse_args(words), "play")
+
+
+def test_copies_of_the_trees_that_ship_are_played_with_the_policy_that_ships(tmp_path: Path) -> None:
+    shutil.copytree(shipped_trees(), tmp_path / "trees")
+    for words in ((), ("--trees", str(tmp_path / "trees")), ("--no-learn",)):
+        found = match(*words)
+        assert (found.policy, found.notes) == (shipped_policy(), ())
+
+
+def test_other_trees_start_from_nothing_and_it_is_said(tmp_path: Path) -> None:
+    trees = shutil.copytree(shipped_trees(), tmp_path / "trees")
+    tree = Path(trees) / "approaching.json"
+    tree.write_text(json.dumps(json.loads(tree.read_text())))
+    assert match("--trees", str(trees)).policy == shipped_policy(), "the same tree, written otherwise"
+    shipped = load_tree(tree)
+    save_tree(tree, replace(shipped, leaves=(shipped.leaves[1], *shipped.leaves[1:])))
+    found = match("--trees", str(trees))
+    assert found.policy is None
+    assert [note.split(":")[0] for note in found.notes] == ["starts from nothing"]
+    assert match("--trees", str(trees), "--policy", "none").notes == (), "as it was asked for"
+    assert match("--trees", str(trees), "--controller", "subsumption").notes == ()
+
+
+def test_the_same_options_are_what_was_set_and_not_what_a_run_chooses(tmp_path: Path) -> None:
+    assert same_options(match("--seed", "5", "--episodes", "7", "--no-learn")) == ""
+    words = ("layers=ball_seeking,wall_avoiding", "fbql_mirror=false", "fbql_rate=0.25", "max_steps=900")
+    first = match(*(word for setting in words for word in ("--set", setting)), "--policy", "none")
+    again = match(*shlex.split(same_options(first)), "--policy", "none")
+    assert (again.fusion, again.simulation) == (first.fusion, first.simulation)
+    trees = str(shutil.copytree(shipped_trees(), tmp_path / "my trees"))
+    assert shlex.split(same_options(match("--trees", trees))) == ["--trees", trees], "as a shell reads it"
+
+
+def test_a_directory_is_no_policy(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"a directory; a run keeps its policy in .*/policy\.npz$"):
+        match("--policy", str(tmp_path))
+
+
+def test_a_tree_that_cannot_be_read_is_no_traceback(tmp_path: Path) -> None:
+    trees = shutil.copytree(shipped_trees(), tmp_path / "trees")
+    (Path(trees) / "approaching.json").unlink()
+    with pytest.raises(BadInput, match="no tree for behavior 'approaching'"):
+        match("--trees", str(trees))
+
+
+@pytest.mark.parametrize("controller", ["fbql_value", "fbql_literal"])
+def test_one_that_neither_learns_nor_has_a_policy_is_told_so(controller: str) -> None:
+    assert match("--controller", controller).notes == ()
+    (note,) = match("--controller", controller, "--no-learn").notes
+    assert note.startswith(f"{controller} neither learns nor has a policy")
+
+
+def test_a_parameter_that_the_shipped_policy_does_not_fit_names_it_and_the_way_out() -> None:
+    with pytest.raises(BadInput) as refused:
+        parts_of(match("--set", "fbql_world_tilings=0"))
+    assert str(refused.value).startswith(f"{shipped_policy()}: the policy was learned with fbql_world_tilings 4")
+    assert str(refused.value).endswith("--policy none starts without")
+    without = match("--set", "fbql_world_tilings=0", "--policy", "none")
+    assert parts_of(without).session.next_episode() is not None
+
+
+@pytest.mark.parametrize(
+    ("setting", "says"),
+    [
+        ("fbql_rte=0.1", "no parameter 'fbql_rte'; did you mean fbql_rate"),
+        ("nonsense=1", "no parameter 'nonsense'; docs/parameters.md has the names"),
+        ("fbql_rate", "write NAME=VALUE; docs/parameters.md"),
+        ("=3", "write NAME=VALUE; docs/parameters.md"),
+        ("fbql_hold_steps=1.5", "'1.5' is no whole number"),
+        ("fbql_rate=much", "'much' is no number"),
+    ],
+)
+def test_a_setting_that_is_none_says_what_is_meant(setting: str, says: str) -> None:
+    with pytest.raises(BadInput, match=r"^play: --set ") as refused:
+        match("--set", setting)
+    assert says in str(refused.value)

@@ -1,0 +1,222 @@
+"""Trees in C, in DOT and as pictures: the same answers, and nothing in a name breaks out of its place."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+from math import inf, nan, pi
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from fbql_behaviors.core.curve_svg import curve_svg
+from fbql_behaviors.core.explanation import Motion, rules
+from fbql_behaviors.core.export import c_name, to_c, to_dot
+from fbql_behaviors.core.observation import Feature
+from fbql_behaviors.core.partition_svg import COLOURS, MAX_POINTS, OPACITY, partition_svg
+from fbql_behaviors.core.svg import multiples, ticks_between
+from fbql_behaviors.core.tree import Leaf, Node, Split, Tree
+from fbql_behaviors.storage import load_tree
+from hypothesis import HealthCheck, given, settings
+from places import ROOT
+from tree_strategies import FEATURES, edge_points, trees
+
+SHIPPED = ROOT / "ros2_ws/src/fbql_behaviors/fbql_behaviors/trees"
+NAMES = ("ball_seeking", "wall_avoiding", "approaching")
+STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-shared", "-fPIC")
+NASTY = '*/ "\\ %s\n\0<script>&</script> é'
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+class Compiled:
+    """A tree's C function, compiled and loaded."""
+
+    def __init__(self, tree: Tree, place: Path) -> None:
+        compiler = shutil.which("gcc")
+        if compiler is None:
+            pytest.skip("there is no gcc here")
+        source, library = place / "tree.c", place / "tree.so"
+        source.write_text(to_c(tree))
+        done = subprocess.run(
+            [compiler, *STRICT, str(source), "-o", str(library)],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        self._loaded = ctypes.CDLL(str(library))
+        self._answer = getattr(self._loaded, f"{c_name(tree.behavior)}_answer")
+        self._observation = ctypes.c_double * len(tree.features)
+
+    def answer(self, observation: tuple[float, ...]) -> tuple[int, float, float]:
+        left, right = ctypes.c_double(nan), ctypes.c_double(nan)
+        leaf_id = self._answer(self._observation(*observation), ctypes.byref(left), ctypes.byref(right))
+        return leaf_id, left.value, right.value
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_c_answers_like_the_tree_on_random_points_and_on_every_threshold(name: str, tmp_path: Path) -> None:
+    tree = load_tree(SHIPPED / f"{name}.json")
+    compiled = Compiled(tree, tmp_path)
+    rng = np.random.default_rng(0)
+    columns = [rng.uniform(feature.low - 0.5, feature.high + 0.5, 5000) for feature in tree.features]
+    points = [tuple(row) for row in np.stack(columns, axis=1).tolist()]
+    points += edge_points(tree)
+    points += [(inf, -inf), (-inf, inf), (nan, 0.0), (0.0, -0.0)]
+    assert len(points) > 5020
+    for point in points:
+        assert compiled.answer(point) == tree.answer(point)
+
+
+def test_c_of_any_random_tree_answers_like_it(tmp_path_factory: pytest.TempPathFactory) -> None:
+    @settings(max_examples=8, suppress_health_check=[HealthCheck.too_slow])
+    @given(trees())
+    def hold(tree: Tree) -> None:
+        compiled = Compiled(tree, tmp_path_factory.mktemp("c"))
+        for point in edge_points(tree):
+            assert compiled.answer(point) == tree.answer(point)
+
+    hold()
+
+
+def test_c_takes_a_tree_as_deep_as_a_chain(tmp_path: Path) -> None:
+    depth = 2000
+    nodes: list[Node] = []
+    for k in range(depth - 1):
+        nodes += [Split(0, float(k + 1), 2 * k + 1, 2 * k + 2), k]
+    nodes.append(depth - 1)
+    leaves = tuple(Leaf(k / 100, -k / 100, 1) for k in range(depth))
+    tree = Tree("chain", (Feature("x", "m", 0.0, float(depth)),), tuple(nodes), leaves)
+    assert Compiled(tree, tmp_path).answer((1500.5,)) == (1500, 15.0, -15.0)
+
+
+def test_names_stay_inside_of_their_place(tmp_path: Path) -> None:
+    tree = Tree(NASTY, (Feature(NASTY, NASTY, 0.0, 1.0),), (Split(0, 0.5, 1, 2), 0, 1), (Leaf(1, 2, 3), Leaf(4, 5, 6)))
+    assert Compiled(tree, tmp_path).answer((0.7,)) == (1, 4.0, 5.0)
+    ElementTree.fromstring(partition_svg(tree))
+    assert "<script>" not in partition_svg(tree)
+    dot = to_dot(tree)
+    assert len(dot.splitlines()) == 9
+    assert all(len(re.findall(r'(?<!\\)(?:\\\\)*"', line)) % 2 == 0 for line in dot.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("behavior", "name"), [("a b", "a_b"), ("9", "tree_9"), ("", "tree_"), ("_x", "tree__x"), ("é", "tree__")]
+)
+def test_any_behavior_gets_a_name_that_c_accepts(behavior: str, name: str) -> None:
+    assert c_name(behavior) == name
+
+
+@given(trees())
+def test_dot_has_a_node_for_each_node_and_an_edge_for_each_child(tree: Tree) -> None:
+    dot = to_dot(tree)
+    splits = sum(isinstance(node, Split) for node in tree.nodes)
+    assert len(re.findall(r"^  n\d+ \[label=", dot, flags=re.MULTILINE)) == len(tree.nodes)
+    assert len(re.findall(r"^  n\d+ -> n\d+ \[label=\"(?:yes|no)\"\];$", dot, flags=re.MULTILINE)) == 2 * splits
+    assert dot.count("\\nleft ") == tree.leaf_count
+
+
+# Pictures
+
+
+def rectangles(svg: str) -> list[ElementTree.Element]:
+    return [each for each in ElementTree.fromstring(svg).iter(f"{SVG}rect") if each.find(f"{SVG}title") is not None]
+
+
+@given(trees())
+def test_the_rectangles_of_a_partition_tile_the_picture(tree: Tree) -> None:
+    found = rectangles(partition_svg(tree))
+    assert len(found) == tree.leaf_count
+    assert sum(float(r.attrib["width"]) * float(r.attrib["height"]) for r in found) == pytest.approx(
+        470 * 400, rel=0.01
+    )
+
+
+@given(trees())
+def test_a_region_has_the_colour_of_its_motion_and_tells_its_rule(tree: Tree) -> None:
+    for rectangle, rule in zip(rectangles(partition_svg(tree)), rules(tree), strict=True):
+        assert rectangle.attrib["fill"] == COLOURS[rule.motion]
+        assert float(rectangle.attrib["fill-opacity"]) == OPACITY[rule.speed]
+        assert rectangle[0].text == f"leaf {rule.leaf_id}: {rule.sentence}"
+
+
+def test_every_motion_has_a_colour_of_its_own() -> None:
+    assert set(COLOURS) == set(Motion)
+    assert len(set(COLOURS.values())) == len(Motion)
+
+
+def test_a_region_lies_where_its_numbers_say() -> None:
+    nodes = (Split(0, 1.6, 1, 2), 0, Split(1, pi / 2, 3, 4), 1, 2)
+    tree = Tree("ball_seeking", FEATURES, nodes, tuple(Leaf(1.0, 1.0, 1) for _ in range(3)))
+    left, _, corner = rectangles(partition_svg(tree))
+    assert [float(left.attrib[key]) for key in ("x", "y", "width", "height")] == [64.0, 34.0, 235.0, 400.0]
+    # the upper quarter of the angles, on the far side
+    assert [float(corner.attrib[key]) for key in ("x", "y", "width", "height")] == [299.0, 34.0, 235.0, 100.0]
+
+
+def test_patterns_are_drawn_and_thinned() -> None:
+    tree = load_tree(SHIPPED / "ball_seeking.json")
+    few = partition_svg(tree, np.array([[0.5, 0.1], [99.0, 0.0]]))
+    assert few.count("h0") == 2
+    assert "M534.0 234.0h0" in few  # outside of the root region: at its edge
+    many = partition_svg(tree, np.random.default_rng(0).uniform(0.0, 1.0, (10_000, 2)))
+    assert many.count("h0") == MAX_POINTS
+
+
+@pytest.mark.parametrize(("d", "panels"), [(1, 1), (2, 1), (3, 3), (4, 6), (5, 6)])
+def test_more_features_are_cut_in_pairs_and_one_makes_a_strip(d: int, panels: int) -> None:
+    features = tuple(Feature(f"x{k}", "m", 0.0, 1.0) for k in range(d))
+    tree = Tree("any", features, (Split(0, 0.5, 1, 2), 0, 1), (Leaf(1.0, 1.0, 1), Leaf(9.0, -9.0, 1)))
+    svg = partition_svg(tree)
+    frames = [each for each in ElementTree.fromstring(svg).iter(f"{SVG}rect") if each.attrib["fill"] == "none"]
+    assert len(frames) == panels
+    assert ("cuts through the middle" in svg) == (d > 2)
+    assert ("(6 of 10 pairs)" in svg) == (d == 5)
+
+
+def test_a_cut_shows_the_leaves_that_it_goes_through() -> None:
+    features = tuple(Feature(f"x{k}", "m", 0.0, 1.0) for k in range(3))
+    tree = Tree("any", features, (Split(2, 0.5, 1, 2), 0, 1), (Leaf(1.0, 1.0, 1), Leaf(9.0, -9.0, 1)))
+    titles = [rectangle[0].text or "" for rectangle in rectangles(partition_svg(tree))]
+    # x0 x1 goes through the leaf of x2 = 0.5, which is the right one; the other two cuts show both leaves
+    assert [title.split(":")[0] for title in titles] == ["leaf 1", "leaf 0", "leaf 1", "leaf 0", "leaf 1"]
+
+
+def test_ticks_are_round_and_inside() -> None:
+    assert ticks_between(0.0, 3.2) == (0.0, 1.0, 2.0, 3.0)
+    assert multiples(45.0, -180.0, 180.0) == tuple(45.0 * k for k in range(-4, 5))
+    assert ticks_between(0.0, 0.96) == pytest.approx((0.0, 0.2, 0.4, 0.6, 0.8))
+
+
+def test_a_curve_goes_through_its_points_beside_its_level() -> None:
+    svg = curve_svg("Learning", [(1.0, 0.0), (2.0, 1.0), (3.0, 0.5)], "trial", "value", ("best", 1.0))
+    parsed = ElementTree.fromstring(svg)
+    places = [place.split(",") for place in parsed.findall(f"{SVG}polyline")[0].attrib["points"].split()]
+    assert [float(x) for x, _ in places] == [64.0, 344.0, 624.0]
+    dashed = next(line for line in parsed.iter(f"{SVG}line") if "stroke-dasharray" in line.attrib)
+    assert float(dashed.attrib["y1"]) == float(dashed.attrib["y2"]) == float(places[1][1])
+
+
+def test_a_curve_of_doublings_gives_each_the_same_width() -> None:
+    svg = curve_svg("Sizes", [(1.0, 3.0), (4.0, 2.0), (16.0, 2.5)], "leaves", "error", doubling=True)
+    places = re.findall(r'points="([^"]*)"', svg)[0].split()
+    assert [float(place.split(",")[0]) for place in places] == [64.0, 344.0, 624.0]
+    texts = [each.text for each in ElementTree.fromstring(svg).iter(f"{SVG}text")]
+    assert texts[1:6] == ["1", "2", "4", "8", "16"]
+
+
+@pytest.mark.parametrize("points", [[], [(1.0, 2.0)], [(1.0, inf), (2.0, 1.0)], [(1.0, 0.0), (2.0, 0.0)]])
+def test_a_curve_without_two_different_points_is_a_picture_too(points: list[tuple[float, float]]) -> None:
+    assert ElementTree.fromstring(curve_svg("", points, "x", "y", ("level", 0.0))).tag == f"{SVG}svg"
+    assert ElementTree.fromstring(curve_svg("", points, "x", "y")).tag == f"{SVG}svg"
+
+
+def test_a_long_curve_is_thinned_and_keeps_its_ends() -> None:
+    svg = curve_svg("", [(float(k), float(k)) for k in range(50_000)], "trial", "value")
+    places = re.findall(r'points="([^"]*)"', svg)[0].split()
+    assert 1000 <= len(places) <= 1001
+    assert (places[0].split(",")[0], places[-1].split(",")[0]) == ("64", "624")

@@ -1,0 +1,291 @@
+"""What a recording is read by: fields from schemas, bytes by fields, messages joined to steps, steps to episodes and columns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from fbql_common.core.cdr import Codec, Malformed
+from fbql_common.core.errors import BadInput
+from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from fbql_recording.core.columns import BLOCK_STEPS, Recorded, columns_of, flat
+from fbql_recording.core.decoding import MessageCodec
+from fbql_recording.core.episodes import episodes_of
+from fbql_recording.core.ros2msg import fields_of
+from fbql_recording.core.steps import Step, StepData, StepJoin, key_of
+from hypothesis import given
+from hypothesis import strategies as st
+from places import ROOT
+
+MESSAGES = ROOT / "ros2_ws" / "src" / "fbql_msgs" / "msg"
+LINE = "=" * 80
+HEADER = f"""
+{LINE}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp  # when
+string frame_id
+{LINE}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+COMMAND = (MESSAGES / "WheelCommand.msg").read_text() + HEADER
+
+
+# Schemas
+
+
+def test_fields_of_contained_messages_stand_in_their_place():
+    assert [tuple(field) for field in fields_of("fbql_msgs/msg/WheelCommand", COMMAND)] == [
+        ("header.stamp.sec", "int32"),
+        ("header.stamp.nanosec", "uint32"),
+        ("header.frame_id", "string"),
+        ("episode", "int64"),
+        ("step", "int64"),
+        ("left_rad_s", "float64"),
+        ("right_rad_s", "float64"),
+    ]
+
+
+def test_constants_comments_defaults_and_bounds_are_no_fields():
+    schema = f"""# int64 not_this
+int8 K=3
+string WORD = "int64 nor_this"
+string<=8 text "a # b"
+float32[<=4] some
+uint16[2] pair [1, 2]
+byte b 7
+B[2] each
+{LINE}
+MSG: pkg/B
+bool x
+"""
+    assert [tuple(field) for field in fields_of("pkg/msg/A", schema)] == [
+        ("text", "string"),
+        ("some", "sequence<float32>"),
+        ("pair[0]", "uint16"),
+        ("pair[1]", "uint16"),
+        ("b", "uint8"),
+        ("each[0].x", "bool"),
+        ("each[1].x", "bool"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("schema", "says"),
+    [
+        ("Other x", "no definition of pkg/Other"),
+        ("A x", "nests pkg/A more than 8 deep"),
+        ("A[] x", "type A\\[\\], which is not supported"),
+        ("float64[5000] x", "5000 values; at most 4096"),
+        ("float64[4096] x\nfloat64 y", "more than 4096 fields"),
+    ],
+)
+def test_a_schema_that_cannot_be_read_is_one_line(schema, says):
+    with pytest.raises(BadInput, match=says):
+        fields_of("pkg/msg/A", schema)
+
+
+# Messages
+
+
+def command_at(episode: int, step: int) -> WheelCommand:
+    return WheelCommand(10**9 * episode + 10**7 * step, episode, step, 1.5, -2.5)
+
+
+def test_a_message_of_ours_is_decoded_and_encoded_to_the_same_bytes():
+    codec = MessageCodec[WheelCommand]("fbql_msgs/msg/WheelCommand", COMMAND)
+    data = codec.encode(command_at(3, 4))
+    assert codec.is_ours
+    assert codec.decode(data) == command_at(3, 4)
+    assert key_of(data) == command_at(3, 4)[:3]
+
+
+def test_a_message_of_another_version_gives_its_own_fields_in_our_order():
+    schema = """float32 extra
+float64 right_rad_s
+std_msgs/Header header
+int32 step
+float64 left_rad_s
+int64 episode
+string[] words
+"""
+    codec = MessageCodec[WheelCommand]("fbql_msgs/msg/WheelCommand", schema + HEADER)
+    data = Codec(
+        ["float32", "float64", "int32", "uint32", "string", "int32", "float64", "int64", "sequence<string>"]
+    ).encode([0.5, -2.5, 7, 8, "field", 4, 1.5, 3, ("a", "b")])
+    assert codec.decode(data) == WheelCommand(7 * 10**9 + 8, 3, 4, 1.5, -2.5)
+    assert not codec.is_ours
+    with pytest.raises(TypeError, match="other fields than ours"):
+        codec.encode(command_at(0, 0))
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ([7, 8, "map", 3, 4, 0.0, 0.0], "frame_id is 'map', expected 'field'"),
+        ([-1, 8, "field", 3, 4, 0.0, 0.0], "is no time"),
+        ([7, 10**9, "field", 3, 4, 0.0, 0.0], "is no time"),
+    ],
+)
+def test_a_message_that_is_none_of_ours_is_malformed(values, says):
+    data = Codec(["int32", "uint32", "string", "int64", "int64", "float64", "float64"]).encode(values)
+    with pytest.raises(Malformed, match=says):
+        MessageCodec[WheelCommand]("fbql_msgs/msg/WheelCommand", COMMAND).decode(data)
+
+
+@given(st.binary(max_size=60))
+def test_no_bytes_are_taken_for_a_key_by_mistake(data):
+    """`key_of` reads the head alone: it agrees with the whole message wherever that can be decoded."""
+    codec = MessageCodec[WheelCommand]("fbql_msgs/msg/WheelCommand", COMMAND)
+    try:
+        decoded = codec.decode(data)
+    except Malformed:
+        return
+    assert key_of(data) == decoded[:3]
+
+
+# Steps
+
+
+@given(st.lists(st.integers(0, 40), min_size=17, max_size=17), st.integers(3, 6))
+def test_messages_that_are_late_by_less_than_the_window_give_whole_steps(delays, messages):
+    """Each message is late by up to 40 others, which is 14 steps at most; the window is 16."""
+    sent = [(step, place) for step in range(60) for place in range(messages)]
+    arrival = sorted(range(len(sent)), key=lambda index: index + delays[index % len(delays)])
+    join = StepJoin(messages)
+    out: list[StepData] = []
+    for index in arrival:
+        step, place = sent[index]
+        join.add(place, (step, 0, step), bytes([step, place]))
+        out += join.ready()
+    out += join.rest()
+    assert sorted(step.step for step in out) == list(range(60))
+    for step in out:
+        assert step.data == [bytes([step.step, place]) for place in range(messages)]
+    assert join.repeated == 0
+
+
+def test_a_second_message_of_a_kind_is_left_out_and_counted_even_when_it_is_late():
+    join = StepJoin(2)
+    for data in (b"first", b"again"):
+        join.add(0, (1, 0, 1), data)
+    join.add(1, (1, 0, 1), b"b")
+    assert [step.data for step in join.ready()] == [[b"first", b"b"]]
+    join.add(0, (1, 0, 1), b"late")
+    assert list(join.rest()) == []
+    assert join.repeated == 2
+
+
+def test_a_step_that_lacks_a_message_comes_out_when_newer_ones_have_begun():
+    join = StepJoin(2)
+    out: list[int] = []
+    for step in range(20):
+        join.add(0, (step, 0, step), b"a")
+        if step != 1:
+            join.add(1, (step, 0, step), b"b")
+        out += [each.step for each in join.ready()]
+        if step == 10:
+            assert out == [0], "step 1 is waited for"
+    out += [each.step for each in join.rest()]
+    assert out == list(range(20))
+
+
+def test_an_episode_that_begins_again_may_have_the_same_steps_again():
+    join = StepJoin(1)
+    join.add(0, (1, 0, 0), b"a")
+    out = list(join.ready())
+    out += join.rest()
+    join.mark_next(begins_again=True, after_gap=False)
+    join.add(0, (1, 0, 0), b"a")
+    join.add(0, (2, 0, 1), b"b")
+    out += join.rest()
+    assert [(step.step, step.begins_again) for step in out] == [(0, False), (0, True), (1, False)]
+    assert join.repeated == 0
+
+
+def test_the_step_after_a_gap_says_so():
+    join = StepJoin(1)
+    join.mark_next(begins_again=False, after_gap=True)
+    for step in range(2):
+        join.add(0, (step, 0, step), b"a")
+    assert [(step.step, step.after_gap, step.begins_again) for step in join.rest()] == [
+        (0, True, False), (1, False, False),
+    ]  # fmt: skip
+
+
+# Episodes and columns
+
+BEHAVIORS = ("a", "b")
+
+
+def world_at(episode: int, step: int, **fields: bool) -> World:
+    stamp_ns = 10**9 * episode + 10**7 * step
+    return World(stamp_ns, episode, step, *(0.5 * number for number in range(12)), *[False] * 6)._replace(**fields)
+
+
+def step_at(episode: int, step: int, reward: float = 0.0, **fields: bool) -> Step:
+    world = world_at(episode, step, **fields)
+    outputs = (
+        BehaviorOutput(*world[:3], "a", 1.0, 2.0, 3, 9, "h", False, (0.25,)),
+        None if step == 1 else BehaviorOutput(*world[:3], "b", 1.0, 2.0, 4, 9, "h", True, (0.5, 0.75)),
+    )
+    decision = Decision(
+        *world[:3], "x", 1, BEHAVIORS, (3, -1 if step == 1 else 4), (), (0.25, 0.75), -1, reward, step == 1
+    )
+    return Step(*world[:3], world, outputs, WheelCommand(*world[:3], 5.0, 6.0), decision)
+
+
+def test_an_episode_counts_what_happened_in_it():
+    steps = [step_at(4, 0), step_at(4, 1, -5.0, collision_begun=True, collision=True), step_at(4, 2, collision=True)]
+    steps.append(step_at(4, 3, 10.0, terminated=True, goal=True))
+    (episode,) = episodes_of(steps)
+    assert (episode.index, episode.outcome, episode.steps, episode.recorded_steps) == (4, "goal", 3, 4)
+    assert (episode.collisions_begun, episode.collision_steps, episode.return_) == (1, 2, 5.0)
+    assert (episode.phase, episode.degraded) == ("learning", True)
+
+
+def test_episodes_end_with_the_next_ones_beginning():
+    steps = [step_at(0, 0), step_at(0, 1), step_at(1, 0), step_at(1, 1), step_at(1, 0), step_at(1, 1, truncated=True)]
+    assert [(e.index, e.first_step, e.recorded_steps, e.outcome) for e in episodes_of(steps)] == [
+        (0, 0, 2, None),
+        (1, 2, 2, None),
+        (1, 4, 2, "timeout"),
+    ]
+
+
+def test_what_was_not_recorded_of_an_episode_is_none():
+    (episode,) = episodes_of([Step(1, 0, 0, None, (None, None), None, None)])
+    assert (episode.collisions_begun, episode.return_, episode.phase, episode.degraded) == (None, None, None, None)
+
+
+EVERYTHING = Recorded(True, BEHAVIORS, True, True, True)
+
+
+def test_columns_are_the_same_whatever_the_blocks():
+    steps = [step_at(0, step) for step in range(BLOCK_STEPS + 3)]
+    columns = columns_of(steps, EVERYTHING)
+    assert {len(column) for column in columns.values()} == {BLOCK_STEPS + 3}
+    assert columns["step"].tolist() == list(range(BLOCK_STEPS + 3))
+    assert columns["robot_y_m"].tolist() == [0.5] * (BLOCK_STEPS + 3)
+    assert columns["weights"].shape == (BLOCK_STEPS + 3, 2)
+
+
+def test_an_answer_that_is_missing_is_minus_one_and_nan():
+    columns = columns_of([step_at(0, step) for step in range(3)], EVERYTHING)
+    assert columns["leaf_id"].tolist() == [[3, 4], [3, -1], [3, 4]]
+    assert np.isnan(columns["reference_left_rad_s"]).tolist() == [[False] * 2, [False, True], [False] * 2]
+    assert np.isnan(columns["observation.b"]).tolist() == [[False] * 2, [True] * 2, [False] * 2]
+    assert np.isnan(columns["q"]).all(), "nothing was learned"
+
+
+def test_topics_that_are_not_recorded_have_no_columns():
+    columns = columns_of([step_at(0, 0)], Recorded(True, BEHAVIORS, False, True, False))
+    assert "robot_x_m" in columns and "command_left_rad_s" in columns
+    assert not {"leaf_id", "weights", "reward", "has_decision", "observation.a"} & columns.keys()
+
+
+def test_flat_columns_are_named_by_behavior():
+    columns = flat(columns_of([step_at(0, 0)], EVERYTHING), BEHAVIORS)
+    assert {column.ndim for column in columns.values()} == {1}
+    assert columns["weights.b"].tolist() == [0.75]
+    assert columns["observation.b.1"].tolist() == [0.75]

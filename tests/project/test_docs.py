@@ -1,0 +1,256 @@
+"""The documents tell of what is there: links, files, commands, code, tests, messages."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import json
+import re
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
+
+import pytest
+from fbql_behaviors.core.induction import InductionParameters
+from fbql_behaviors.core.instructors import Habits
+from fbql_behaviors.core.leaf_tuning import TuningParameters
+from fbql_behaviors.core.recipes import Recipe
+from fbql_fusion.core.fbql_parameters import FbqlParameters
+from fbql_fusion.core.fbql_value_parameters import FbqlValueParameters
+from fbql_fusion.core.parameters import PRESETS, FusionParameters
+from fbql_fusion.node_parameters import FusionNodeParameters
+from fbql_sim.core.parameters import SimulationParameters
+from places import ROOT
+
+SOURCE = ROOT / "ros2_ws" / "src"
+DOCUMENTS = {
+    str(path.relative_to(ROOT)): path
+    for pattern in ("*.md", "docs/*.md", "ros2_ws/src/*/README.md")
+    for path in sorted(ROOT.glob(pattern))
+}
+EXPECTED = {
+    "README.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+    "docs/add_a_behavior.md",
+    "docs/architecture.md",
+    "docs/deviations.md",
+    "docs/glossary.md",
+    "docs/paper_to_code.md",
+    "docs/parameters.md",
+    "docs/trees.md",
+    "docs/recordings.md",
+}
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+CODE = re.compile(r"`([^`\n]+)`")
+PLACE = re.compile(r"(?<![\w/.])((?:scripts|docs|tests|benchmarks|cmake|ros2_ws)/[\w./*-]*\w|\.ci/run)")
+MADE = ("ros2_ws/build", "ros2_ws/install", "ros2_ws/log")
+"""Places that only the set-up makes."""
+DOTTED = re.compile(r"fbql_\w+(?:\.\w+)+")
+MEMBER = re.compile(r"([A-Z]\w*[a-z]\w*)\.(?!md\b|msg\b|rst\b|srv\b|txt\b)([a-z_]\w*)")
+TEST = re.compile(r"(tests/[\w/]+\.py)::(\w+)")
+
+
+DECLARATIONS = {
+    declaration.__name__: declaration
+    for declaration in (
+        FbqlParameters,
+        FbqlValueParameters,
+        FusionNodeParameters,
+        FusionParameters,
+        Habits,
+        InductionParameters,
+        Recipe,
+        SimulationParameters,
+        TuningParameters,
+    )
+}
+
+
+def every_document() -> pytest.MarkDecorator:
+    """Once for each document."""
+    return pytest.mark.parametrize("path", DOCUMENTS.values(), ids=DOCUMENTS)
+
+
+def slug(heading: str) -> str:
+    """The anchor that GitHub gives a heading."""
+    return re.sub(r"[^\w\- ]", "", heading.strip().lower().replace("`", "")).replace(" ", "-")
+
+
+def anchors(path: Path) -> set[str]:
+    """All anchors of a document."""
+    text = FENCE.sub("", path.read_text())
+    return {slug(heading) for heading in re.findall(r"^#+ (.*)$", text, flags=re.MULTILINE)}
+
+
+@cache
+def names(path: Path) -> dict[str, set[str]]:
+    """The names that a module defines at its top, with the names of each class's members."""
+    found: dict[str, set[str]] = {}
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.ClassDef):
+            found[node.name] = {name for statement in node.body for name in defined(statement)} | {
+                target.attr
+                for inner in ast.walk(node)
+                for target in (inner.targets if isinstance(inner, ast.Assign) else [])
+                if isinstance(target, ast.Attribute)
+            }
+        else:
+            found.update({name: set[str]() for name in defined(node)})
+    return found
+
+
+def defined(node: ast.stmt) -> list[str]:
+    """The names that a statement defines."""
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+        return [node.name]
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+    return [target.id for target in targets if isinstance(target, ast.Name)]
+
+
+@cache
+def classes() -> dict[str, set[str]]:
+    """Every class of the packages and the launchers, with its members; those of one name together."""
+    found: dict[str, set[str]] = {}
+    for folder in (SOURCE, ROOT / "scripts"):
+        for path in folder.rglob("*.py"):
+            for name, members in names(path).items():
+                if name[0].isupper() and members:
+                    found.setdefault(name, set()).update(members)
+    return found
+
+
+def is_code(dotted: str) -> bool:
+    """Whether package.module.name.member, or the first parts of that, is there."""
+    parts = dotted.split(".")
+    place = SOURCE / parts[0]
+    for index, part in enumerate(parts):
+        place /= part
+        if place.with_suffix(".py").is_file():
+            name, *member = [*parts[index + 1 :], ""][:2]
+            members = names(place.with_suffix(".py")).get(name)
+            return not name or (members is not None and (not member or not member[0] or member[0] in members))
+        if not place.is_dir():
+            return False
+    return True
+
+
+def test_the_documents_are_there() -> None:
+    assert set(DOCUMENTS) >= EXPECTED
+    assert sum(name.startswith("ros2_ws/") for name in DOCUMENTS) == 8
+
+
+@every_document()
+def test_no_link_is_dead(path: Path) -> None:
+    dead: list[str] = []
+    for target in LINK.findall(FENCE.sub("", path.read_text())):
+        if re.match(r"[a-z]+:", target):
+            continue
+        file, _, anchor = target.partition("#")
+        goal = (path.parent / file).resolve() if file else path
+        if not goal.exists() or (anchor and anchor not in anchors(goal)):
+            dead.append(target)
+    assert not dead
+
+
+@every_document()
+def test_every_file_and_command_that_is_told_of_is_there(path: Path) -> None:
+    told = {place for place in PLACE.findall(path.read_text()) if not place.startswith(MADE)}
+    assert not {place for place in told if not any(ROOT.glob(place))}
+
+
+@every_document()
+def test_every_name_in_the_code_that_is_told_of_is_there(path: Path) -> None:
+    wrong: list[str] = []
+    for code in CODE.findall(FENCE.sub("", path.read_text())):
+        token = code.partition(" = ")[0]
+        if DOTTED.fullmatch(token) and not is_code(token):
+            wrong.append(token)
+        member = MEMBER.fullmatch(token)
+        if member and member[2] not in classes().get(member[1], set()):
+            wrong.append(token)
+    assert not wrong
+
+
+def test_every_value_that_is_told_is_the_one_in_force() -> None:
+    text = FENCE.sub("", (ROOT / "docs" / "deviations.md").read_text())
+    told = [code.split(" = ") for code in CODE.findall(" ".join(text.split())) if " = " in code]
+    assert len(told) > 40
+    wrong = {name: value for name, value in told if not is_value(in_force(name), value)}
+    assert not wrong
+
+
+def in_force(name: str) -> object:
+    """The value of a declaration's default, or of a module's constant."""
+    place, _, member = name.rpartition(".")
+    if place in DECLARATIONS:
+        return getattr(DECLARATIONS[place](), member)
+    return getattr(importlib.import_module(place), member)
+
+
+def is_value(value: object, text: str) -> bool:
+    """Whether a text tells a value: a number or a fraction, or the words themselves."""
+    if isinstance(value, list):
+        return ", ".join(value) == text  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
+    return str(value) == text if isinstance(value, str) else float(Fraction(text)) == value
+
+
+@every_document()
+def test_every_test_that_is_told_of_is_there(path: Path) -> None:
+    told = TEST.findall(path.read_text())
+    assert not [
+        f"{file}::{test}" for file, test in told if not (ROOT / file).is_file() or test not in names(ROOT / file)
+    ]
+
+
+def test_the_map_from_the_paper_to_the_code_tells_of_every_equation_and_figure() -> None:
+    text = (ROOT / "docs" / "paper_to_code.md").read_text()
+    for number in range(1, 21):
+        assert f"| eq. {number} |" in text
+    for number in range(1, 15):
+        assert re.search(rf"^\|.*Fig\. {number}\b", text, flags=re.MULTILINE), number
+
+
+def test_deviations_are_numbered_from_one_without_a_gap() -> None:
+    text = (ROOT / "docs" / "deviations.md").read_text()
+    numbers = [int(number) for number in re.findall(r"^#### (\d+)\.", text, flags=re.MULTILINE)]
+    assert numbers == list(range(1, len(numbers) + 1))
+    assert len(numbers) > 20
+
+
+def test_the_presets_are_as_told() -> None:
+    text = " ".join((ROOT / "docs" / "deviations.md").read_text().split())
+    for name, thresholds in PRESETS.items():
+        assert f"`{name}` ({thresholds.wall_m:g} m, {thresholds.approach_rad:g} rad)" in text
+
+
+def test_the_shipped_trees_are_as_told() -> None:
+    text = " ".join((ROOT / "docs" / "deviations.md").read_text().split())
+    trees = [
+        json.loads((SOURCE / "fbql_behaviors" / "fbql_behaviors" / "trees" / f"{name}.json").read_text())
+        for name in ("ball_seeking", "wall_avoiding", "approaching")
+    ]
+    leaves = [str(len(tree["leaves"])) for tree in trees]
+    costs = [str(tree["origin"]["split_cost"]) for tree in trees]
+    assert "have {}, {} and {} leaves.".format(*leaves) in text
+    assert "*Here:* {}, {} and {} nat for".format(*costs) in text
+
+
+@pytest.mark.parametrize("path", sorted(SOURCE.glob("fbql_msgs/*/*.*")), ids=lambda path: path.name)
+def test_every_field_of_a_message_is_in_the_readme_with_its_unit(path: Path) -> None:
+    readme = (SOURCE / "fbql_msgs" / "README.md").read_text()
+    assert f"### {path.stem}\n" in readme
+    section = readme.partition(f"### {path.stem}\n")[2].partition("\n##")[0]
+    rows = [row for row in section.splitlines() if row.startswith("| `")]
+    expected: list[str] = []
+    for line in path.read_text().splitlines():
+        field = re.fullmatch(r"(\S+) (\w+)\s+# (.*)", line)
+        if field:
+            kind, name, text = field.groups()
+            unit = re.search(r" \[([^\]]*)\]", text)
+            assert unit, f"{name} has no unit"
+            meaning = text.replace(unit[0], "", 1).replace("<", "\\<")
+            expected.append(f"| `{name}` | {kind} | {unit[1]} | {meaning} |")
+    assert expected
+    assert rows == expected
