@@ -23,6 +23,7 @@ import json
 import re
 import shutil
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -137,10 +138,15 @@ def _anchor(title: str) -> str:
 
 def draw() -> list[Path]:
     """Redraws the figures of every study whose numbers are in docs/data."""
-    from fbql_studies.fusion_figures import draw
+    from fbql_studies.common.drawing import draw
 
-    found = [DATA / f"{study}_curves.json" for study in STUDIES]
-    return [file for path in found if path.exists() for file in draw(json.loads(path.read_text()), IMAGES)]
+    files: list[Path] = []
+    for study in STUDIES:
+        path = DATA / f"{study}_curves.json"
+        if path.exists():
+            figures = import_module(f"fbql_studies.{study}.figures").FIGURES
+            files += draw(figures, json.loads(path.read_text()), IMAGES)
+    return files
 
 
 def pages() -> dict[Path, str]:

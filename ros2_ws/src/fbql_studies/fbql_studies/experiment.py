@@ -21,7 +21,7 @@ from fbql_recording.run_directory import git_revision
 
 from fbql_studies.runner.store import Store
 from fbql_studies.runner.study import STUDIES, Task, study_of
-from fbql_studies.runner.workers import Ended, run_locally, run_on_cluster
+from fbql_studies.runner.workers import TaskEnd, run_locally, run_on_cluster
 
 _COMMON = ("study", "jobs", "out", "scheduler", "json")
 
@@ -111,7 +111,7 @@ def _run(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrup
         print(f"[{done + count}/{len(tasks)}] {ended.key} {state}", file=sys.stderr, flush=True)
 
 
-def _ended(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrupts) -> Iterator[Ended]:
+def _ended(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrupts) -> Iterator[TaskEnd]:
     def stopped() -> bool:
         return interrupts.came != 0
 

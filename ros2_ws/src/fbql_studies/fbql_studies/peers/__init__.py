@@ -1,1 +1,1 @@
-"""Ordinary methods on the same work: environments that take the behaviors in, and what learns in them."""
+"""Study: other methods in the same simulator with the same budget of steps."""

@@ -1,4 +1,4 @@
-"""What learns nothing, or only a few numbers: Subsumption, equal and constant weights, each behavior alone, the scripted law."""
+"""Controls that learn nothing or only a few numbers: Subsumption, equal and constant weights, single behaviors, the law."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_sim.core.world_loop import WorldLoop
 
-from fbql_studies.constant_blend import CONSTANT, Weights, blend_played, grid
-from fbql_studies.methods import BEHAVIORS
-from fbql_studies.peers.play import score_of_law, score_of_session
-from fbql_studies.tree_play import Score
-from fbql_studies.tuning import TUNING_SEED, retuned
+from fbql_studies.common import methods
+from fbql_studies.common.methods import BEHAVIORS, CONSTANT, LAW, PAPER, RETUNED, TUNED, UNIFORM
+from fbql_studies.common.play import Score, score_of
+from fbql_studies.common.tuning import TUNING_SEED, Weights, blend_played, grid, retuned
+from fbql_studies.peers.play import score_of_law
 
-LAW, UNIFORM = "scripted law, sees all", "uniform weights"
-PAPER, TUNED, RETUNED = "subsumption, paper", "subsumption, tuned", "subsumption, re-tuned"
 ALONE = tuple(f"{name} alone" for name in BEHAVIORS)
-METHODS = (LAW, PAPER, TUNED, RETUNED, UNIFORM, CONSTANT, *ALONE)
+METHODS = (*methods.CONTROLS, *ALONE)
 
 
 class Controls:
@@ -61,7 +59,7 @@ class Controls:
         }
         found = {LAW: score_of_law(run_seed, episodes)}
         for method, each in sessions.items():
-            found[method] = score_of_session(each, self._behaviors, self._loop)
+            found[method] = score_of(each, self._behaviors, self._loop)
         places = range(len(self._behaviors))
         single = [tuple(1.0 if i == driver else 0.0 for i in places) for driver in places]
         for method, weights in {CONSTANT: self.weights, **dict(zip(ALONE, single, strict=True))}.items():
@@ -70,5 +68,4 @@ class Controls:
 
     def _score(self, weights: Weights, run_seed: int, episodes: int) -> Score:
         """What constant weights are worth on so many episodes of a run seed."""
-        found = blend_played(weights, self._behaviors, self._loop, run_seed, episodes)
-        return Score(*(found[name] for name in Score._fields))
+        return Score.of(blend_played(weights, self._behaviors, self._loop, run_seed, episodes))

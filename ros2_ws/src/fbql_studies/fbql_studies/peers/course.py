@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 SLICES = 20
 
 
-class Ended(NamedTuple):
-    """A training episode."""
+class TrainingEpisode(NamedTuple):
+    """An episode of a training."""
 
     at_step: int
     """Steps of the whole training when it ended."""
@@ -24,7 +24,7 @@ class Course:
     def __init__(self, budget: int, environments: int = 1) -> None:
         self.budget = budget
         self.steps = 0
-        self.episodes: list[Ended] = []
+        self.episodes: list[TrainingEpisode] = []
         self._running = [0] * environments
 
     @property
@@ -48,14 +48,14 @@ class Course:
 
     def end(self, steps: int, outcome: str) -> None:
         """Counts an episode whose steps are counted already."""
-        self.episodes.append(Ended(self.steps, steps, outcome))
+        self.episodes.append(TrainingEpisode(self.steps, steps, outcome))
 
     def slices(self) -> list[dict[str, int]]:
         """The learning curve: episodes and outcomes that ended in each of SLICES equal parts of the budget."""
         found = [dict.fromkeys(("episodes", "goals", "own_goals", "timeouts", "steps"), 0) for _ in range(SLICES)]
-        for ended in self.episodes:
-            row = found[min(ended.at_step * SLICES // self.budget, SLICES - 1)]
+        for episode in self.episodes:
+            row = found[min(episode.at_step * SLICES // self.budget, SLICES - 1)]
             row["episodes"] += 1
-            row[f"{ended.outcome}s"] += 1
-            row["steps"] += ended.steps
+            row[f"{episode.outcome}s"] += 1
+            row["steps"] += episode.steps
         return found

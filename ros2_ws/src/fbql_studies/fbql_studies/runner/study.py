@@ -1,4 +1,7 @@
-"""What a study is: independent tasks, each a deterministic function of plain values, and a table of their results."""
+"""What a study is: independent tasks, each a deterministic function of plain values, and a table of their results.
+
+A study is a folder of this package; its module `study` has what the protocol Study asks for.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,11 @@ Result = dict[str, Any]
 """Plain JSON values."""
 
 MOST_SEEDS = 1000
-"""Of a study whose seeds have no other bound: more than anybody waits for."""
+"""The limit for the seeds of a study that has no other: more than anybody waits for."""
 MOST_PLAYED = 1_000_000
-"""And the same of what is played on each."""
+"""The same for the episodes that are played with each."""
 MEASURED = "measured"
-"""The one key of a result that may differ from run to run: what was measured with a clock."""
+"""The only key of a result that may differ between runs: times measured with a clock."""
 
 
 class Task(NamedTuple):
@@ -46,13 +49,13 @@ class Study(Protocol):
         ...
 
     def tasks(self, options: argparse.Namespace) -> list[Task]:
-        """The tasks, in order. They depend on the options alone. Raises BadInput for options that can't be used."""
+        """The tasks, in order; they depend on the options alone. Raises BadInput for options that can't be used."""
         ...
 
     def run(self, parameters: Parameters) -> Result:
         """Does one task.
 
-        The same parameters give the same result, bit for bit, in whichever process; all but what stands under MEASURED.
+        The same parameters give the same result, bit for bit, in any process, except for what is under MEASURED.
         """
         ...
 
@@ -61,16 +64,21 @@ class Study(Protocol):
         ...
 
     def words(self, rows: Sequence[Row]) -> dict[str, Table]:
-        """What `table` gave, as people read it: title -> table. This is what the pages of docs/ show."""
+        """The rows of `table` as people read them: title -> table. The pages of docs/results show these."""
         ...
 
     def figures(self, results: Mapping[str, Result], directory: Path) -> list[Path]:
-        """Draws the study's figures; gives the files. A study without figures gives none."""
+        """Draws the study's figures and returns the files, those of `curves.json` included; none where it has no figures."""
         ...
 
 
+def add_count(parser: argparse.ArgumentParser, option: str, default: int, what: str) -> None:
+    """Adds an option that takes a number."""
+    parser.add_argument(option, type=int, default=default, metavar="N", help=f"{what} ({default})")
+
+
 def check_counts(options: argparse.Namespace, **most: int) -> None:
-    """Raises BadInput where an option of these names is not from 1 to so many."""
+    """Raises BadInput where an option of these names is not from 1 to its limit."""
     for name, limit in most.items():
         count = getattr(options, name)
         if not 1 <= count <= limit:
@@ -78,17 +86,20 @@ def check_counts(options: argparse.Namespace, **most: int) -> None:
 
 
 STUDIES: dict[str, str] = {
-    "ablation": "fbql_studies.ablation",
-    "ladder": "fbql_studies.ladder",
-    "leaf_tuning": "fbql_studies.leaf_tuning",
-    "objectives": "fbql_studies.objectives",
-    "paper": "fbql_studies.paper",
-    "peers": "fbql_studies.peers_study",
-    "scaling": "fbql_studies.scaling",
-    "sensitivity": "fbql_studies.sensitivity",
-    "trees": "fbql_studies.trees",
+    name: f"fbql_studies.{name}.study"
+    for name in (
+        "ablation",
+        "ladder",
+        "leaf_tuning",
+        "objectives",
+        "paper",
+        "peers",
+        "scaling",
+        "sensitivity",
+        "trees",
+    )
 }
-"""Name of a study -> the module that is it."""
+"""Name of a study -> its module. A new study is a folder with a `study.py`, and its name here."""
 
 
 def study_of(name: str) -> Study:

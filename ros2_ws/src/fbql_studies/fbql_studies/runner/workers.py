@@ -30,7 +30,7 @@ _PR_SET_PDEATHSIG = 1
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-class Ended(NamedTuple):
+class TaskEnd(NamedTuple):
     """A task that ended: done, or failed for good."""
 
     key: str
@@ -40,7 +40,7 @@ class Ended(NamedTuple):
 
 def run_locally(
     module: str, tasks: Sequence[Task], store: Store, jobs: int, stopped: Callable[[], bool]
-) -> Iterator[Ended]:
+) -> Iterator[TaskEnd]:
     """Runs each task in a fresh process, `jobs` at a time; yields each as it ends.
 
     The worker writes its result itself, so that a launcher that dies loses nothing that is done. `stopped` is asked a
@@ -65,13 +65,13 @@ def run_locally(
                 process, task, attempt = running.pop(sentinel)  # type: ignore[arg-type]  # sentinels are ints here
                 process.join()
                 if process.exitcode == 0:
-                    yield Ended(task.key, "")
+                    yield TaskEnd(task.key, "")
                 elif attempt < ATTEMPTS:
                     pending.appendleft((task, attempt + 1))
                 else:
                     if process.exitcode != 1:  # 1: it wrote down what was wrong itself
                         write_failure(store.directory, task.key, f"the worker was ended by {_ender(process.exitcode)}")
-                    yield Ended(task.key, store.failure_of(task.key) or "the worker failed")
+                    yield TaskEnd(task.key, store.failure_of(task.key) or "the worker failed")
     finally:
         for process, _, _ in running.values():
             process.terminate()
@@ -106,7 +106,7 @@ def worded(error: BaseException) -> str:
 
 def run_on_cluster(
     scheduler: str, module: str, tasks: Sequence[Task], store: Store, stopped: Callable[[], bool]
-) -> Iterator[Ended]:
+) -> Iterator[TaskEnd]:
     """Runs the tasks on a Dask cluster, whose workers must have this project's environment; yields each as it ends.
 
     Raises:
@@ -142,11 +142,11 @@ def run_on_cluster(
             for future, result in done.items():
                 key = waiting.pop(future).key
                 write_result(store.directory, key, result)
-                yield Ended(key, "")
+                yield TaskEnd(key, "")
             for future, reason in failed.items():
                 key = waiting.pop(future).key
                 write_failure(store.directory, key, reason)
-                yield Ended(key, store.failure_of(key))
+                yield TaskEnd(key, store.failure_of(key))
         client.cancel(list(waiting))
 
 

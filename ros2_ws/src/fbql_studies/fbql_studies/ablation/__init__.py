@@ -1,0 +1,1 @@
+"""Study: fbql without one of its parts."""

@@ -1,0 +1,53 @@
+"""The controls of the studies of fusion on the episodes that judge the learners: one task per tree set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fbql.statistics.tables import Row
+from fbql_behaviors.core.behavior import Behavior
+from fbql_fusion.core.parameters import FusionParameters
+from fbql_sim.core.world_loop import WorldLoop
+
+from fbql_studies.common.methods import CONSTANT, LAW, PAPER, RETUNED, TUNED, UNIFORM
+from fbql_studies.common.play import frozen, law_played
+from fbql_studies.common.training import Seeds
+from fbql_studies.common.tuning import best_blend, blend_played, retuned
+from fbql_studies.runner.study import Parameters, Result, Task
+
+
+def control_tasks(seeds: Seeds, tree_sets: int, count: int, given: Parameters) -> list[Task]:
+    """A task for each tree set: the controls are tuned once and judged on the episodes of every training.
+
+    The number of trainings is a part of the key, because the task plays the episodes of all of them.
+    """
+    return [
+        Task(f"controls-trees{seeds.tree(k)}-seeds{count}", {"part": "controls", "set": k, "seeds": count, **given})
+        for k in range(tree_sets)
+    ]
+
+
+def controls_played(seeds: Seeds, parameters: Parameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Result:
+    """Every control of a tree set on the episodes of each of its trainings."""
+    tree_set, episodes = parameters["set"], parameters["evaluate"]
+    wall_m, approach_rad = retuned(behaviors, loop)
+    weights = best_blend(behaviors, loop)
+    fixed = {
+        PAPER: FusionParameters(controller="subsumption", preset="paper"),
+        TUNED: FusionParameters(controller="subsumption", preset="tuned"),
+        RETUNED: FusionParameters(
+            controller="subsumption", wall_threshold_m=wall_m, approach_threshold_rad=approach_rad
+        ),
+        UNIFORM: FusionParameters(controller="uniform"),
+    }
+    runs: list[Row] = []
+    for seed in range(parameters["seeds"]):
+        judge = seeds.judging(tree_set, seed)
+        counts = {
+            LAW: law_played(loop, judge, episodes),
+            **{method: frozen(fusion, behaviors, loop, judge, episodes) for method, fusion in fixed.items()},
+            CONSTANT: blend_played(weights, behaviors, loop, judge, episodes),
+        }
+        runs += [seeds.row(method, tree_set, seed, each) for method, each in counts.items()]
+    leaves = [behavior.tree.leaf_count for behavior in behaviors]
+    return {"runs": runs, "thresholds": [wall_m, approach_rad], "weights": list(weights), "leaves": leaves}

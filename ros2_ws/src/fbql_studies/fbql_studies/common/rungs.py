@@ -1,0 +1,39 @@
+"""Rungs of the ladder: what was required beforehand, what was found, and whether that is enough."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fbql.statistics.tables import Row, Table, number
+
+RUNG_COLUMNS = {
+    "rung": "rung of the ladder, and whose",
+    "measure": "what is measured",
+    "bound": "whether `wanted` is an upper or a lower limit",
+    "wanted": "the limit set beforehand; for collisions, the control's value",
+    "found": "the value found",
+    "reached": "whether it keeps to the limit",
+}
+
+
+def rung_row(rung: str, measure: str, found: float, wanted: float, at_least: bool = False) -> Row:
+    """A measure of a rung."""
+    reached = found >= wanted if at_least else found <= wanted
+    return {"rung": rung, "measure": measure, "bound": "at least" if at_least else "at most", "wanted": wanted,
+            "found": found, "reached": reached}  # fmt: skip
+
+
+def rungs_table(rows: Sequence[Row]) -> Table:
+    """The rungs among the rows."""
+    body = [
+        [
+            row["rung"],
+            row["measure"],
+            f"{row['bound']} {number(row['wanted'], '.3g')}",
+            number(row["found"], ".3g"),
+            "yes" if row["reached"] else "**no**",
+        ]
+        for row in rows
+        if "rung" in row
+    ]
+    return Table(["rung", "measure", "wanted", "found", "reached"], body)

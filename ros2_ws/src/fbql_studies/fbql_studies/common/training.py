@@ -1,0 +1,153 @@
+"""How the studies of fusion train: seeds, options, the training itself, and the frozen twins."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
+from math import prod
+from typing import Any, NamedTuple
+
+from fbql.demonstrations.make_tree import make_tree
+from fbql.match.in_process import play
+from fbql.statistics.tables import Row
+from fbql_behaviors.core.behavior import Behavior
+from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters
+from fbql_fusion.core.policy import Policy
+from fbql_fusion.core.session import Session
+from fbql_sim.core.parameters import SimulationParameters
+from fbql_sim.core.world_loop import WorldLoop
+
+from fbql_studies.common.methods import BEHAVIORS, FBQL
+from fbql_studies.common.play import counts_of
+from fbql_studies.runner.study import MOST_PLAYED, Result, add_count, check_counts
+
+FIRST_TREE_SEED = 1001
+"""Demonstration seed of the first tree set of the paper's protocol, the ladder and the peers; no tuning saw it."""
+FIRST_RUN_SEED = 1000
+"""Run seeds below it are for tuning."""
+MOST_TREE_SETS = 9
+SEEDS_OF_A_TREE_SET = 100
+CURVE_EPISODES = 100
+"""Training episodes per point of a learning curve."""
+LEARNED = ("keys", "theta", "value", "values")
+"""The arrays of a policy that grow with what was visited."""
+
+
+class Seeds(NamedTuple):
+    """The seeds of a study: training and judging never share one."""
+
+    first_tree: int
+    """Demonstration seed of the first tree set."""
+    first_run: int
+    """Run seed of the first training; from SEEDS_OF_A_TREE_SET above it on, run seeds judge."""
+
+    def tree(self, tree_set: int) -> int:
+        """The demonstration seed of a tree set."""
+        return self.first_tree + tree_set
+
+    def training(self, seed: int) -> int:
+        """The run seed of a training."""
+        return self.first_run + seed
+
+    def judging(self, tree_set: int, seed: int) -> int:
+        """The run seed of the frozen play that judges a training on a tree set."""
+        return self.first_run + (tree_set + 1) * SEEDS_OF_A_TREE_SET + seed
+
+    def behaviors(self, tree_set: int) -> list[Behavior]:
+        """The behaviors of a tree set."""
+        return behaviors_of(self.tree(tree_set))
+
+    def row(self, method: str, tree_set: int, seed: int, counts: Result) -> Row:
+        """A run as it is stored."""
+        return {"method": method, "tree_seed": self.tree(tree_set), "seed": seed, **counts}
+
+
+def behaviors_of(tree_seed: int) -> list[Behavior]:
+    """The behaviors whose trees are made from the demonstrations of a seed."""
+    return [Behavior(name, make_tree(name, tree_seed).tree) for name in BEHAVIORS]
+
+
+def add_max_steps(parser: ArgumentParser) -> None:
+    """Adds the option for the episodes' length."""
+    add_count(parser, "--max-steps", SimulationParameters().max_steps, "steps after which an episode is truncated")
+
+
+def add_training_options(parser: ArgumentParser, trees: int, seeds: int, episodes: int, evaluate: int) -> None:
+    """Adds the options of a study that trains, with these defaults."""
+    add_count(parser, "--trees", trees, "tree sets, each from other demonstrations")
+    add_count(parser, "--seeds", seeds, "trainings on each tree set")
+    add_count(parser, "--episodes", episodes, "training episodes after the guided ones")
+    add_count(parser, "--evaluate", evaluate, "episodes of frozen play")
+    add_max_steps(parser)
+
+
+def check_training_options(options: Namespace) -> None:
+    """Raises BadInput for a number out of range."""
+    played = dict.fromkeys(("episodes", "evaluate", "max_steps"), MOST_PLAYED)
+    check_counts(options, trees=MOST_TREE_SETS, seeds=SEEDS_OF_A_TREE_SET, **played)
+
+
+class Trained(NamedTuple):
+    """The outcome of a training."""
+
+    policy: Policy
+    curve: list[Result]
+    """For each CURVE_EPISODES episodes: their counts, and the joint states visited so far."""
+    size: Result
+    """Features and bytes of the policy, joint states visited, and the product of the trees' leaf counts."""
+
+
+def training_of(seed: int, episodes: int, learner: str = FBQL, **changes: Any) -> FusionParameters:
+    """The parameters of a learner's training; `episodes` come after the guided ones."""
+    return FusionParameters(
+        seed=seed, episodes=episodes, **{"controller": learner, "guided": GUIDED_EPISODES, **changes}
+    )
+
+
+def as_it_learns(learner: str) -> dict[str, Any]:
+    """Parameters with which a learner plays frozen as it does while learning: behaviors are drawn, and held as long."""
+    held = getattr(FusionParameters(), f"{learner}_hold_steps")
+    return {f"{learner}_play": "drawn", f"{learner}_play_steps": held}
+
+
+def train(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Trained:
+    """Plays a training to its end."""
+    session = Session(fusion)
+    visited: set[tuple[int, ...]] = set()
+    curve: list[Result] = []
+
+    def see(_world: World, _outputs: Sequence[BehaviorOutput], _command: WheelCommand, decision: Decision) -> None:
+        visited.add(decision.joint_state)
+
+    def episode_ended() -> bool:
+        done = len(session.records) - session.guided
+        if done > 0 and (done % CURVE_EPISODES == 0 or done == fusion.episodes):
+            block = session.records[session.guided + (done - 1) // CURVE_EPISODES * CURVE_EPISODES :]
+            curve.append({**counts_of(block), "joint_states": len(visited)})
+        return True
+
+    play(session, loop, behaviors, episode_ended, see)
+    policy = session.policy()
+    assert policy is not None
+    return Trained(policy, curve, {**size_of(policy), "joint_states": len(visited)})
+
+
+def size_of(policy: Policy) -> Result:
+    """Features and bytes of a policy, and the product of the leaf counts."""
+    arrays = policy.arrays
+    return {
+        "features": len(arrays["keys"]) if "keys" in arrays else 0,
+        "bytes": sum(arrays[name].nbytes for name in LEARNED if name in arrays),
+        "leaf_product": prod(policy.leaf_counts),
+    }
+
+
+def after_guidance(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Policy:
+    """The policy after the guided episodes, when nothing else has been learned."""
+    session = Session(fusion)
+    play(session, loop, behaviors, lambda: len(session.records) < session.guided)
+    session.next_episode()  # only now are the guided episodes learned from
+    policy = session.policy()
+    assert policy is not None
+    return policy

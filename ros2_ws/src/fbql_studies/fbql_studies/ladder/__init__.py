@@ -1,0 +1,1 @@
+"""Study: learners trained on fresh tree sets, then frozen against their controls."""

@@ -1,0 +1,235 @@
+"""The ladder: FBQL trained on fresh tree sets, then played frozen against its controls on the same unseen episodes.
+
+A task is the training of one learner on one tree set with one seed, or the controls of one tree set. Training, tuning and
+judging have run seeds of their own.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from fbql.statistics.runs import Runs, method_row, runs_by_method
+from fbql.statistics.tables import Row, filled
+from fbql_behaviors.core.behavior import Behavior
+from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.core.policy import Policy
+from fbql_sim.core.parameters import SimulationParameters
+from fbql_sim.core.world_loop import WorldLoop
+
+from fbql_studies.common import methods
+from fbql_studies.common.controls import control_tasks, controls_played
+from fbql_studies.common.learning_curves import Trainings, growth, learning
+from fbql_studies.common.methods import (
+    FBQL,
+    FBQL_VALUE,
+    LAW,
+    LEARNERS,
+    PAPER,
+    RETUNED,
+    SENSED,
+    SENSED_CRITIC,
+    TUNED,
+    drawn,
+    guided,
+    untrained,
+)
+from fbql_studies.common.play import frozen
+from fbql_studies.common.training import (
+    FIRST_RUN_SEED,
+    FIRST_TREE_SEED,
+    Seeds,
+    add_training_options,
+    after_guidance,
+    as_it_learns,
+    check_training_options,
+    train,
+    training_of,
+)
+from fbql_studies.ladder import tables
+from fbql_studies.ladder.weight_maps import weight_maps
+from fbql_studies.runner.study import MEASURED, Parameters, Result, Task
+
+DESCRIPTION = (
+    "the learners trained on fresh trees, then frozen against Subsumption, constant weights, their twins and the law"
+)
+CAPTIONS = {
+    "fusion_ladder": "What a goal costs, relative to the re-tuned Subsumption on the same episodes, with 95 % intervals",
+    "fusion_learning": "Learning curves over blocks of 100 training episodes, exploration included; dashed: frozen controls",
+    "fusion_coverage": "Joint states met in the course of the training",
+    "fusion_maps": "The heaviest behavior where the robot stands, for each learner after its training on tree set 1001 with seed 0, the ball lying at the white dot and the goal that is attacked on the right; the paler, the nearer to equal weights",
+}
+COLUMNS, words = tables.COLUMNS, tables.words
+SEEDS = Seeds(FIRST_TREE_SEED, FIRST_RUN_SEED)
+
+TRAINED: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+    FBQL: (FBQL, {}),
+    SENSED: (FBQL, SENSED_CRITIC),
+    FBQL_VALUE: (FBQL_VALUE, {}),
+}
+"""What is trained -> its controller, and the parameters that differ from its defaults."""
+ASKED = {"fbql": FBQL, "fbql_sensed": SENSED, "fbql_value": FBQL_VALUE}
+ALL = "all"
+
+
+def _methods_of(learner: str) -> tuple[str, ...]:
+    """A learner's frozen twins and what it learned."""
+    return untrained(learner), drawn(untrained(learner)), guided(learner), learner
+
+
+METHODS = (*methods.CONTROLS, *_methods_of(FBQL), SENSED, *_methods_of(FBQL_VALUE))
+CONTROLS = {"retuned": RETUNED, "tuned": TUNED, "paper": PAPER}
+TWINS = {
+    method: {"untrained": untrained(learner), "guided": guided(learner)}
+    for learner in LEARNERS
+    for method in _methods_of(learner)
+} | {SENSED: {"untrained": untrained(FBQL), "guided": guided(FBQL)}}
+"""Method -> the frozen twins of its learner, with which it is compared in addition to CONTROLS."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the study's own options."""
+    add_training_options(parser, trees=5, seeds=5, episodes=3000, evaluate=200)
+    parser.add_argument(
+        "--learners",
+        choices=[*ASKED, ALL],
+        default=ALL,
+        help=f"which learner is trained: {', '.join(ASKED)} or {ALL} ({ALL}); fbql_sensed is fbql whose critic knows no more "
+        "than the behaviors sense",
+    )
+
+
+def tasks(options: argparse.Namespace) -> list[Task]:
+    """A training for each learner, tree set and seed, seed by seed, so that every tree set has a training early.
+
+    The controls come after the first learner's trainings: the rungs need just these two.
+    """
+    check_training_options(options)
+    given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
+    alone = {"twins": True} if ASKED.get(options.learners) == SENSED else {}
+    controls = control_tasks(SEEDS, options.trees, options.seeds, given)
+    found: list[Task] = []
+    for asked in ASKED if options.learners == ALL else [options.learners]:
+        learner = ASKED[asked]
+        found += [
+            Task(
+                f"{asked}-trees{SEEDS.tree(k)}-seed{seed}",
+                {"part": learner, "set": k, "seed": seed, "episodes": options.episodes, **given, **alone},
+            )
+            for seed in range(options.seeds)
+            for k in range(options.trees)
+        ]
+        found, controls = found + controls, []
+    return found
+
+
+def run(parameters: Parameters) -> Result:
+    """Trains a learner once and plays its policy and its frozen twins, or plays the controls of a tree set."""
+    behaviors = SEEDS.behaviors(parameters["set"])
+    loop = WorldLoop(SimulationParameters(max_steps=parameters["max_steps"]))
+    if parameters["part"] not in TRAINED:
+        return controls_played(SEEDS, parameters, behaviors, loop)
+    return _trained(parameters, behaviors, loop)
+
+
+def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
+    learner, tree_set, seed = parameters["part"], parameters["set"], parameters["seed"]
+    controller, changes = TRAINED[learner]
+    fusion = training_of(SEEDS.training(seed), parameters["episodes"], controller, **changes)
+    begun_s = perf_counter()
+    trained = train(fusion, behaviors, loop)
+    training_s = perf_counter() - begun_s
+    played: dict[str, tuple[FusionParameters, Policy | None]] = {}
+    if learner in LEARNERS or parameters.get("twins"):
+        # The critic plays no part in them: fbql's twins are those of the sensed critic as well.
+        as_learning = training_of(fusion.seed, fusion.episodes, controller, **(changes | as_it_learns(controller)))
+        played[untrained(controller)] = (fusion, None)
+        played[drawn(untrained(controller))] = (as_learning, None)
+        played[guided(controller)] = (fusion, after_guidance(fusion, behaviors, loop))
+    played[learner] = (fusion, trained.policy)
+    judge, episodes = SEEDS.judging(tree_set, seed), parameters["evaluate"]
+    begun_s = perf_counter()
+    runs = [
+        SEEDS.row(method, tree_set, seed, frozen(each, behaviors, loop, judge, episodes, policy))
+        for method, (each, policy) in played.items()
+    ]
+    seconds = {"training_s": training_s, "evaluation_s": perf_counter() - begun_s}
+    result: Result = {
+        "learner": learner, "runs": runs, "curve": trained.curve, "size": trained.size, MEASURED: seconds
+    }  # fmt: skip
+    if tree_set == seed == 0:
+        result["maps"] = weight_maps(fusion, trained.policy, behaviors)
+    return result
+
+
+def table(results: Mapping[str, Result]) -> list[Row]:
+    """Methods; then each learner's tree sets and rungs b and c; then the size of what was learned."""
+    by_method = _runs(results)
+    rows = filled(method_row(method, by_method, CONTROLS | TWINS.get(method, {})) for method in by_method)
+    learners = [learner for learner in TRAINED if learner in by_method and RETUNED in by_method]
+    for learner in learners:
+        rows += tables.tree_rows(learner, by_method[learner], by_method[RETUNED], results)
+    for learner in learners:
+        rows += tables.rung_rows(learner, by_method[learner], by_method[RETUNED], by_method[LAW])
+    return rows + _sizes(results)
+
+
+def _runs(results: Mapping[str, Result]) -> dict[str, Runs]:
+    return runs_by_method((run for result in results.values() for run in result["runs"]), METHODS)
+
+
+def _trainings(results: Mapping[str, Result]) -> dict[str, Trainings]:
+    """Learner -> its trainings; a learner without one is left out."""
+    found = {
+        learner: {
+            (result["runs"][0]["tree_seed"], result["runs"][0]["seed"]): result
+            for result in results.values()
+            if result.get("learner") == learner
+        }
+        for learner in TRAINED
+    }
+    return {learner: dict(sorted(trained.items())) for learner, trained in found.items() if trained}
+
+
+def _sizes(results: Mapping[str, Result]) -> list[Row]:
+    """Means over the trainings of each learner."""
+    rows: list[Row] = []
+    for learner, by_run in _trainings(results).items():
+        trained = list(by_run.values())
+        row: Row = {"learner": learner, "trainings": len(trained)}
+        for name in ("features", "bytes", "joint_states", "leaf_product"):
+            row[name] = sum(each["size"][name] for each in trained) / len(trained)
+        row["training_steps"] = sum(part["steps"] for each in trained for part in each["curve"]) / len(trained)
+        row["training_s"] = sum(each[MEASURED]["training_s"] for each in trained) / len(trained)
+        rows.append(row)
+    return rows
+
+
+def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
+    """Learning curves, the methods, coverage and weight maps, and the numbers they are drawn from (curves.json)."""
+    trained = _trainings(results)
+    if not trained:
+        return []
+    from fbql_studies.common.drawing import keep_and_draw
+    from fbql_studies.ladder.figures import FIGURES
+
+    by_method = _runs(results)
+    curves: dict[str, Any] = {
+        "learning": learning(trained, {name: by_method[name] for name in (RETUNED, LAW) if name in by_method}),
+        "coverage": growth(trained),
+    }
+    if RETUNED in by_method:
+        curves["ladder"] = [
+            {name: row[name] for name in ("method", "ratio_retuned", "ratio_retuned_low", "ratio_retuned_high")}
+            for row in table(results)
+            if "method" in row
+        ]
+    maps = {
+        learner: result["maps"] for learner, found in trained.items() for result in found.values() if "maps" in result
+    }
+    if maps:
+        curves["maps"] = maps
+    return keep_and_draw(FIGURES, curves, directory)

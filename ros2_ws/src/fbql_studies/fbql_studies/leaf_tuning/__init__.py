@@ -1,0 +1,1 @@
+"""Study: behaviors and teams before and after leaf tuning."""

@@ -1,0 +1,1 @@
+"""Study: the weighted objective against the printed one."""

@@ -1,0 +1,1 @@
+"""Study: the paper's protocol, 50 goals while learning."""

@@ -1,0 +1,53 @@
+"""The tables of the paper's protocol: methods, ties, and rung a."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import nan
+
+from fbql.statistics.runs import Runs, cost_ratio, p_of
+from fbql.statistics.tables import Row, Table, finite
+
+from fbql_studies.common.fusion_tables import METHOD_COLUMNS, SIZE_COLUMNS, methods_table
+from fbql_studies.common.rungs import RUNG_COLUMNS, rung_row, rungs_table
+
+OWN_GOALS, COST, P_VALUE, TWIN_COST = 0.35, 0.85, 0.01, 1.0
+"""The most that rung a allows: own goals and cost/goal relative to Subsumption, its p, and cost/goal relative to a twin."""
+COLUMNS = {
+    **METHOD_COLUMNS,
+    **RUNG_COLUMNS,
+    "joint_states": SIZE_COLUMNS["joint_states"],
+    "tied_share": "share of them in which all Q were equal in the end",
+}
+
+
+def rung_a_rows(method: str, by_method: Mapping[str, Runs], paper: str, *twins: str) -> list[Row]:
+    """Rung a: while learning, within the paper's 50 goals, against the paper-like Subsumption and its frozen twins."""
+    ours, theirs = by_method[method], by_method[paper]
+    own_goals = [sum(run["own_goals"] for run in runs.values()) for runs in (ours, theirs)]
+    p = p_of(ours, theirs)
+    rows = [
+        rung_row(method, "own goals to Subsumption's", own_goals[0] / own_goals[1] if own_goals[1] else nan, OWN_GOALS),
+        rung_row(method, "cost/goal to Subsumption's", cost_ratio(ours, theirs).estimate, COST),
+        rung_row(method, "p of the cost", nan if p is None else p, P_VALUE),
+    ]
+    rows += [
+        rung_row(method, f"cost/goal to '{twin}'", cost_ratio(ours, by_method[twin]).estimate, TWIN_COST)
+        for twin in twins
+    ]
+    return [finite({**row, "rung": f"a, {method}"}) for row in rows]
+
+
+def words(rows: Sequence[Row]) -> dict[str, Table]:
+    """Title -> table."""
+    controls = {"paper": "paper", "retuned": "re-tuned", "frozen": "literal twin", "guided": "only guided",
+                "untrained": "never learned"}  # fmt: skip
+    tied = [row for row in rows if row.get("tied_share") is not None]
+    return {
+        "fifty goals": methods_table(rows, controls),
+        "ties": Table(
+            ["method", "joint states met", "all Q equal"],
+            [[row["method"], f"{row['joint_states']:.0f}", f"{row['tied_share']:.1%}"] for row in tied],
+        ),
+        "rung a": rungs_table(rows),
+    }

@@ -1,0 +1,1 @@
+"""Study: fbql with more behaviors."""

@@ -1,0 +1,1 @@
+"""Study: fbql with other parameter values and other guides."""

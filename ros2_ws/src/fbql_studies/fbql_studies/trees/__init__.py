@@ -1,0 +1,1 @@
+"""Study: trees from demonstrations, by objective and method."""
