@@ -1,1 +1,1 @@
-"""What the benchmarks measure. The programs beside this package are their entries."""
+"""The benchmarks. The programs beside this package start them."""

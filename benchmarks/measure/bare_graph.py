@@ -1,8 +1,7 @@
-"""The five nodes of the graph with no work in them: empty messages of the same types go round, one after the other.
+"""The five nodes of the graph without any work: empty messages of the same types go round, one after the other.
 
-A part of benchmarks/lockstep.py: the floor that our graph is measured against. `typed` passes rclpy's message objects,
-the ordinary way; `raw` passes ready-made bytes that nobody reads.
-Run by itself: python bare_graph.py ROLE... --ros-args -p steps:=20000 -p raw:=false (inside the environment)
+The baseline of benchmarks/lockstep.py. It passes rclpy's message objects, or with `raw` prepared bytes that are never
+decoded. To run it alone: python bare_graph.py ROLE... --ros-args -p steps:=20000 -p raw:=false (inside the environment)
 """
 
 from __future__ import annotations
@@ -28,14 +27,14 @@ BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
 
 @dataclass(frozen=True)
 class BareParameters:
-    """What the bare graph can be told."""
+    """Parameters of the bare graph."""
 
     steps: int = parameter(20000, "steps to go round", low=1)
     raw: bool = parameter(False, "pass bytes instead of messages")
 
 
 class BareNode(GraphNode):
-    """Publishes empty messages and counts what comes."""
+    """A node that publishes empty messages."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
@@ -48,12 +47,12 @@ class BareNode(GraphNode):
         return partial(publisher.publish, message)
 
     def input(self, kind: Any, topic: str, callback: Callable[[Any], None]) -> Any:
-        """Subscribes."""
+        """A subscription."""
         return self.create_subscription(kind, topic, callback, STEP_QOS, raw=self.parameters.raw)
 
 
 class BareSimulator(BareNode):
-    """Sends the next world state when a command comes; prints the steps per second."""
+    """Publishes the next world state when a command arrives; prints the steps per second."""
 
     def __init__(self) -> None:
         super().__init__("simulator")
@@ -64,7 +63,7 @@ class BareSimulator(BareNode):
         self._start = steady_timer(self, 0.2, self._begin)
 
     def _begin(self) -> None:
-        """Sends the first world state again until the first command comes."""
+        """Publishes the first world state again until the first command arrives."""
         if self._steps == 0:
             self._publish()
 
@@ -89,7 +88,7 @@ class BareBehavior(BareNode):
 
 
 class BareFusion(BareNode):
-    """Sends command and decision when the world state and every answer to it are there."""
+    """Publishes command and decision when the world state and every answer to it have arrived."""
 
     def __init__(self) -> None:
         super().__init__("fusion")

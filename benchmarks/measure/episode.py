@@ -1,11 +1,10 @@
 """Steps per second of a match in one process, with learning, against the bare physics step, interleaved in one run.
 
-A controller that learns first learns for a while (`--warm-up`), so that what is measured is learning in full flow. From
-there some episodes are played once and remembered. Then every round measures, one after the other, what the same episodes
-cost, from the same state of the learner:
+A controller that learns is first trained (`--warm-up`), so that a trained learner is measured. Then some episodes are played
+once and recorded, and every round measures the cost of the same episodes, from the same state of the learner:
 
 whole     the match as train.py plays it: session, world loop, behaviors
-bare      the Chipmunk calls of its physics, and nothing else: velocities set, physics steps, state read
+bare      only the Chipmunk calls of its physics: velocities set, physics steps, state read
 physics   Physics.step with the same wheel velocities
 loop      WorldLoop.step with the same commands
 resets    WorldLoop.reset with the same seeds
@@ -13,8 +12,8 @@ sensing   Behavior.answer of every behavior to the same worlds
 decide    Session.decide on the same worlds and answers, learning included
 
 `steps_per_s` is of the whole, `physics_steps_per_s` of bare, `ratio` is the median over rounds of whole / bare. `step_us`
-tells where a step's time goes: each part without the one that it contains. The clock is processor time of this process, so
-that other programs on the machine hardly count.
+breaks down the time of a step: each part excludes the part that it contains. The clock is the processor time of this
+process, so that other programs on the machine hardly matter.
 """
 
 from __future__ import annotations
@@ -47,17 +46,17 @@ PROGRAM = "episode.py"
 WARM_UP_SEED, SEED = 1, 2
 MICROSECONDS = 1e6
 Velocities = tuple[Any, ...]
-"""What the physics sets before a step: the arguments of its calls, in order."""
+"""The velocities that the physics sets before a step: the arguments of its calls, in order."""
 
 
-class Episode(NamedTuple):
-    """An episode that was played."""
+class PlayedEpisode(NamedTuple):
+    """An episode as it was played."""
 
     seed: int
     worlds: list[World]
     outputs: list[Sequence[BehaviorOutput]]
     commands: list[tuple[float, float]]
-    """One fewer than worlds: the last one is not driven on from."""
+    """One fewer than worlds: the last world gets no command."""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -76,16 +75,16 @@ def main(argv: Sequence[str]) -> int:
             option = name.replace("_", "-")
             parser.error(f"--{option} is {getattr(arguments, name)}; it must be {least} or more")
     result = measure(arguments.controller, arguments.steps, arguments.rounds, arguments.warm_up)
-    print(json.dumps(result) if arguments.json else worded(result))
+    print(json.dumps(result) if arguments.json else as_text(result))
     return 0
 
 
 def measure(controller: str, steps: int, rounds: int, warm_up: int = 0) -> dict[str, Any]:
-    """The figures of a controller."""
+    """The results for a controller."""
     fusion = FusionParameters(controller=controller, seed=SEED, guided=0)
     behaviors = [Behavior(name, load_tree(shipped_trees() / f"{name}.json")) for name in fusion.behaviors]
-    policy = learned(controller, behaviors, warm_up)
-    episodes, digest = remembered(fusion, policy, behaviors, steps)
+    policy = train(controller, behaviors, warm_up)
+    episodes, digest = play_once(fusion, policy, behaviors, steps)
     count = sum(len(episode.commands) for episode in episodes)
     velocities = [velocities_of(episode) for episode in episodes]
     parts: dict[str, Callable[[], float]] = {
@@ -131,8 +130,8 @@ def measure(controller: str, steps: int, rounds: int, warm_up: int = 0) -> dict[
     }
 
 
-def learned(controller: str, behaviors: Sequence[Behavior], episodes: int) -> Policy | None:
-    """What a controller has learned after its guided and so many more episodes; None where it learns nothing."""
+def train(controller: str, behaviors: Sequence[Behavior], episodes: int) -> Policy | None:
+    """A controller's policy after its guided episodes and `episodes` more; None for one that does not learn."""
     session = Session(FusionParameters(controller=controller, seed=WARM_UP_SEED, episodes=episodes))
     if episodes == 0 or session.guided == 0:
         return None
@@ -140,17 +139,17 @@ def learned(controller: str, behaviors: Sequence[Behavior], episodes: int) -> Po
     return session.policy()
 
 
-def remembered(
+def play_once(
     fusion: FusionParameters, policy: Policy | None, behaviors: Sequence[Behavior], steps: int
-) -> tuple[list[Episode], str]:
-    """Whole episodes of at least so many steps, and their digest."""
-    session, episodes = Session(fusion, policy), list[Episode]()
+) -> tuple[list[PlayedEpisode], str]:
+    """Whole episodes of at least `steps` steps in all, and their digest."""
+    session, episodes = Session(fusion, policy), list[PlayedEpisode]()
 
     def step_decided(
         world: World, outputs: Sequence[BehaviorOutput], command: WheelCommand, _decision: Decision
     ) -> None:
         if world.step == 0:
-            episodes.append(Episode(episode_seed(fusion.seed, world.episode), [], [], []))
+            episodes.append(PlayedEpisode(episode_seed(fusion.seed, world.episode), [], [], []))
         episodes[-1].worlds.append(world)
         episodes[-1].outputs.append(outputs)
         if not world.ended:
@@ -172,30 +171,30 @@ def whole(
     return seconds
 
 
-def velocities_of(episode: Episode) -> list[Velocities]:
+def velocities_of(episode: PlayedEpisode) -> list[Velocities]:
     """What the physics sets before each step: velocity and spin of the robot and, while it rolls, of the ball."""
-    found: list[Velocities] = []
-    heard: list[Any] = []
+    velocities: list[Velocities] = []
+    values: list[Any] = []
 
-    def listening(function: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
-        def listened(body: Any, value: Any) -> None:
-            heard.append(value)
+    def recording(function: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
+        def record(body: Any, value: Any) -> None:
+            values.append(value)
             function(body, value)
 
-        return listened
+        return record
 
-    functions = {name: listening(getattr(chipmunk, name)) for name in ("set_velocity", "set_spin")}
+    functions = {name: recording(getattr(chipmunk, name)) for name in ("set_velocity", "set_spin")}
     with patch.multiple(chipmunk, **functions):
         world_loop = WorldLoop()
         world_loop.reset(0, episode.seed)
         for command in episode.commands:
-            heard.clear()
+            values.clear()
             world_loop.step(*command)
-            found.append(tuple(heard))
-    return found
+            velocities.append(tuple(values))
+    return velocities
 
 
-def bare(episode: Episode, velocities: Sequence[Velocities]) -> float:
+def bare(episode: PlayedEpisode, velocities: Sequence[Velocities]) -> float:
     """Seconds of the Chipmunk calls."""
     parameters = SimulationParameters()
     of = Physics(parameters)
@@ -221,7 +220,7 @@ def bare(episode: Episode, velocities: Sequence[Velocities]) -> float:
     return seconds
 
 
-def physics(episode: Episode) -> float:
+def physics(episode: PlayedEpisode) -> float:
     """Seconds of Physics.step."""
     parameters = SimulationParameters()
     task, of = Task(parameters), Physics(parameters)
@@ -236,7 +235,7 @@ def physics(episode: Episode) -> float:
     return seconds
 
 
-def loop(episode: Episode) -> float:
+def loop(episode: PlayedEpisode) -> float:
     """Seconds of WorldLoop.step."""
     world_loop = WorldLoop()
     world_loop.reset(0, episode.seed)
@@ -247,7 +246,7 @@ def loop(episode: Episode) -> float:
     return process_time() - begun_s
 
 
-def resets(episodes: Sequence[Episode]) -> float:
+def resets(episodes: Sequence[PlayedEpisode]) -> float:
     """Seconds of WorldLoop.reset."""
     world_loop = WorldLoop()
     begun_s = process_time()
@@ -256,7 +255,7 @@ def resets(episodes: Sequence[Episode]) -> float:
     return process_time() - begun_s
 
 
-def sensing(behaviors: Sequence[Behavior], episodes: Sequence[Episode]) -> float:
+def sensing(behaviors: Sequence[Behavior], episodes: Sequence[PlayedEpisode]) -> float:
     """Seconds of Behavior.answer."""
     answers = [behavior.answer for behavior in behaviors]
     begun_s = process_time()
@@ -267,7 +266,7 @@ def sensing(behaviors: Sequence[Behavior], episodes: Sequence[Episode]) -> float
     return process_time() - begun_s
 
 
-def decide(fusion: FusionParameters, policy: Policy | None, episodes: Sequence[Episode], digest: str) -> float:
+def decide(fusion: FusionParameters, policy: Policy | None, episodes: Sequence[PlayedEpisode], digest: str) -> float:
     """Seconds of Session.decide, and of what a learner does between episodes."""
     session = Session(fusion, policy)
     begun_s = process_time()
@@ -280,8 +279,8 @@ def decide(fusion: FusionParameters, policy: Policy | None, episodes: Sequence[E
     return seconds
 
 
-def worded(result: dict[str, Any]) -> str:
-    """The figures for a reader."""
+def as_text(result: dict[str, Any]) -> str:
+    """The results as text."""
     lines = [
         f"{result['controller']}: {result['steps_per_s']:.0f} steps/s, bare physics "
         f"{result['physics_steps_per_s']:.0f} steps/s, ratio {result['ratio']:.3f}",

@@ -2,11 +2,11 @@
 
 For each behavior every round measures, one after the other: 50 trials of RL, exact dynamic programming, scikit-learn's
 DecisionTreeClassifier by entropy (the criterion of eqs. 1 and 2) and its DecisionTreeRegressor of both wheels (least squares,
-which has no classes to count), both with as many leaves as the exact tree; then decisions. Figures are medians over rounds,
-the worst behavior's; `dp_over_cart` is the median over rounds of the ratio to the classifier, the worst behavior's.
+which has no classes to count), both with as many leaves as the exact tree; then decisions. Results are medians over rounds,
+for the slowest behavior; `dp_over_cart` is the median over rounds of the ratio to the classifier, for the worst behavior.
 
 decision_us: observation -> leaf -> reference. behavior_us: the same from the world state on, as a complete answer.
-All times are processor time of this process, all threads together: other programs on the machine hardly count.
+All times are processor time of this process, all threads together: other programs on the machine hardly matter.
 """
 
 from __future__ import annotations
@@ -58,12 +58,12 @@ def main(argv: Sequence[str]) -> int:
         return 2
     if arguments.growth:
         result["growth"] = growth()
-    print(json.dumps(result) if arguments.json else worded(result))
+    print(json.dumps(result) if arguments.json else as_text(result))
     return 0
 
 
 def measure(rounds: int) -> dict[str, Any]:
-    """The figures, and those of each behavior under `behaviors`."""
+    """The results, with those of each behavior under `behaviors`."""
     behaviors: dict[str, dict[str, float]] = {}
     for behavior, recipe in RECIPES.items():
         demonstrations = instruct(behavior, DEMONSTRATION_SEED, recipe.demonstrations, recipe.steps)
@@ -98,7 +98,7 @@ def measure(rounds: int) -> dict[str, Any]:
 
 
 def carts(patterns: Patterns, leaves: int) -> tuple[Callable[[], object], Callable[[], object]]:
-    """What fits scikit-learn's classifier, and its regressor."""
+    """Functions that fit scikit-learn's classifier, and its regressor."""
     try:
         from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
     except ModuleNotFoundError:
@@ -116,7 +116,7 @@ def carts(patterns: Patterns, leaves: int) -> tuple[Callable[[], object], Callab
 
 
 def growth() -> list[dict[str, float]]:
-    """Times against the number of patterns: those of many demonstrations, jittered to as many as are wanted."""
+    """Times against the number of patterns, which are drawn from many demonstrations and jittered."""
     behavior, recipe = "ball_seeking", RECIPES["ball_seeking"]
     demonstrations = instruct(behavior, DEMONSTRATION_SEED, GROWTH_DEMONSTRATIONS, recipe.steps)
     shown = patterns_of(demonstrations, OBSERVATIONS[behavior])
@@ -138,7 +138,7 @@ def growth() -> list[dict[str, float]]:
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """How long some work keeps the processor busy, all threads together."""
+    """Processor time of some work [s], all threads together."""
     begun_s = process_time()
     work()
     return process_time() - begun_s
@@ -149,7 +149,7 @@ def numbers(row: dict[str, float]) -> str:
     return ", ".join(f"{name} {value:.3g}" for name, value in row.items())
 
 
-def worded(result: dict[str, Any]) -> str:
-    """The figures for a reader."""
+def as_text(result: dict[str, Any]) -> str:
+    """The results as text."""
     lines = [numbers({name: value for name, value in result.items() if isinstance(value, float)})]
     return "\n".join([*lines, *(numbers(row) for row in result.get("growth", []))])

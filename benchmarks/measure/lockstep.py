@@ -1,14 +1,13 @@
 """Steps per second of the lockstep graph against the same five nodes with no work in them, interleaved in one run.
 
 For each way of running (a process for each node, one process for all) every round measures, one after the other:
-our graph without recording, with recording, and the bare graph. Figures are medians over the rounds, ratios are
-ours / bare. `bare` passes rclpy's empty message objects, the ordinary way of a ROS node in Python; `bare_raw` passes
-bytes that nobody reads, the least that the middleware can do.
+our graph without recording, with recording, and the bare graph. Results are medians over the rounds, ratios are
+ours / bare. `bare` passes rclpy's empty message objects, as ROS nodes in Python usually do; `bare_raw` passes bytes that
+are never decoded, the least work for the middleware.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -19,7 +18,7 @@ from statistics import median
 
 import domain_coordinator
 
-from measure.graph import MODES, TIMEOUT_S, graph_steps_per_s
+from measure.graph import MODES, TIMEOUT_S, graph_steps_per_s, parse
 
 BARE = Path(__file__).with_name("bare_graph.py")
 ROLES = ("simulator", "ball_seeking", "wall_avoiding", "approaching", "fusion")
@@ -27,17 +26,7 @@ ROLES = ("simulator", "ball_seeking", "wall_avoiding", "approaching", "fusion")
 
 def main(argv: Sequence[str]) -> int:
     """Runs the benchmark. Gives the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="lockstep.py", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--rounds", type=int, default=5, metavar="N", help="rounds to take medians over (5)")
-    parser.add_argument("--steps", type=int, default=8000, metavar="N", help="steps of each measurement, about (8000)")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    arguments = parser.parse_args(list(argv))
-    for name in ("rounds", "steps"):
-        if getattr(arguments, name) < 1:
-            print(f"lockstep.py: --{name} is {getattr(arguments, name)}; it must be 1 or more", file=sys.stderr)
-            return 2
+    arguments = parse("lockstep.py", __doc__, 5, argv)
     figures: dict[str, dict[str, list[float]]] = {mode: {} for mode in MODES}
     for number in range(arguments.rounds):
         for mode, found in figures.items():
@@ -66,10 +55,10 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _summary(found: dict[str, list[float]]) -> dict[str, float]:
-    """Medians over the rounds, of the ratios too: each ratio is of two things measured right after each other."""
+    """Medians over the rounds, of the ratios too: both sides of a ratio are measured right after each other."""
 
-    def ratio(ours: str, floor: str) -> float:
-        return median(a / b for a, b in zip(found[ours], found[floor], strict=True))
+    def ratio(ours: str, baseline: str) -> float:
+        return median(a / b for a, b in zip(found[ours], found[baseline], strict=True))
 
     return {
         **{name: median(values) for name, values in found.items()},

@@ -172,7 +172,7 @@ def test_pause_of_the_simulation_is_said_once_and_so_is_its_end(bench, asked, mo
 
     def go_on():
         asked.ask(world_at(0, 3))
-        return "simulation goes on" in bench.said()
+        return "simulation resumed" in bench.said()
 
     bench.until(go_on, "the end of the pause to be said")
     assert bench.said().count("simulation paused") == 1

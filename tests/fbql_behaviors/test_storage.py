@@ -152,7 +152,7 @@ BAD_FILES: dict[str, tuple[bytes, str]] = {
     "unit of two lines": (changed(set_at("features", 0, "unit", "m\n")), r"features\[0\]: 'unit' is 'm\\n'"),
     "feature twice": (
         changed(set_at("features", 1, "name", "ball_distance")),
-        "feature 'ball_distance' stands there twice",
+        "feature 'ball_distance' occurs twice",
     ),
     "feature without a name": (changed(set_at("features", 1, "name", None)), r"features\[1\]: 'name' is missing"),
     "NaN threshold": (changed(set_at("nodes", 0, 1, float("nan"))), "NaN is not a number"),

@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 
 FEATURES = (Feature("ball_distance", "m", 0.0, 3.2), Feature("ball_bearing", "rad", -pi, pi))
 WHEEL = st.floats(-88.0, 88.0)
+NASTY = '*/ "\\ %s\n\0<script>&</script> é'
+"""A name that could break out of a C comment, a DOT string or an SVG text."""
 
 
 @st.composite
 def trees(draw: st.DrawFn, features: tuple[Feature, ...] = FEATURES, depth: int = 5) -> Tree:
-    """A tree of up to 2^depth leaves whose thresholds are anywhere."""
+    """A tree of up to 2^depth leaves, with thresholds anywhere."""
     nodes: list[Node] = []
     leaves: list[Leaf] = []
 
@@ -37,7 +39,7 @@ def trees(draw: st.DrawFn, features: tuple[Feature, ...] = FEATURES, depth: int 
 
 
 def edge_points(tree: Tree) -> list[tuple[float, ...]]:
-    """For each split a point right on it, one just before and one just after; the other features are in the middle."""
+    """For each split a point on it, one just below and one just above it; the other features are in the middle."""
     middle = [(feature.low + feature.high) / 2 for feature in tree.features]
     points: list[tuple[float, ...]] = [tuple(middle)]
     for node in tree.nodes:
@@ -48,5 +50,5 @@ def edge_points(tree: Tree) -> list[tuple[float, ...]]:
 
 
 def points_of(features: tuple[Feature, ...] = FEATURES) -> st.SearchStrategy[tuple[float, ...]]:
-    """Points in and round the root region."""
+    """Points inside and around the root region."""
     return st.tuples(*(st.floats(feature.low - 1.0, feature.high + 1.0) for feature in features))

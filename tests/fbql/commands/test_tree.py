@@ -9,11 +9,12 @@ from xml.etree import ElementTree
 
 import pytest
 from commands import tree as command
+from fbql_behaviors.core.c_source import to_c
 from fbql_behaviors.core.explanation import rules
-from fbql_behaviors.core.export import to_c, to_dot
 from fbql_behaviors.core.observation import OBSERVATIONS
-from fbql_behaviors.core.partition_svg import partition_svg
 from fbql_behaviors.core.tree import Leaf
+from fbql_behaviors.drawing.dot import to_dot
+from fbql_behaviors.drawing.partition import partition_svg
 from fbql_behaviors.storage import load_tree
 from places import ROOT
 

@@ -15,14 +15,14 @@ from fbql_behaviors.core.exercises import (
     TAKE_OVER_M,
     TOUCH_M,
     WANDER_RAD_S,
-    Episode,
+    Attempt,
     approaching_reward,
     ball_seeking_reward,
     blind_driver,
     contact_per_1000_steps,
     drive,
     exercise_of,
-    measured,
+    mean_cost,
     reaches_ball,
     stands_behind_ball,
     steps_to_arrive,
@@ -139,17 +139,17 @@ def test_behind_the_ball_is_near_in_line_with_the_goal_and_facing_it(fields: dic
 
 def test_an_episode_that_does_not_arrive_costs_all_its_steps() -> None:
     cost = steps_to_arrive(600)
-    assert cost(Episode(70, True, 0, 0, 1.0)) == 70.0
-    assert cost(Episode(70, False, 0, 0, 1.0)) == 600.0
+    assert cost(Attempt(70, True, 0, 0, 1.0)) == 70.0
+    assert cost(Attempt(70, False, 0, 0, 1.0)) == 600.0
 
 
 def test_contact_is_counted_per_1000_steps() -> None:
-    assert contact_per_1000_steps(Episode(500, False, 2, 13, 1.0)) == 26.0
+    assert contact_per_1000_steps(Attempt(500, False, 2, 13, 1.0)) == 26.0
 
 
 def test_the_measure_is_the_mean_cost() -> None:
-    episodes = [Episode(70, True, 0, 0, 1.0), Episode(30, False, 0, 0, 1.0)]
-    assert measured(episodes, exercise_of("ball_seeking")) == 335.0
+    episodes = [Attempt(70, True, 0, 0, 1.0), Attempt(30, False, 0, 0, 1.0)]
+    assert mean_cost(episodes, exercise_of("ball_seeking")) == 335.0
 
 
 def test_a_behavior_without_an_exercise_is_refused_with_those_that_have_one() -> None:
@@ -178,7 +178,7 @@ class Still:
 
 def test_an_episode_ends_where_it_arrives() -> None:
     environment = Still(steps=4)
-    assert drive(STOP, exercise_of("ball_seeking"), environment, 0) == Episode(4, True, 1, 2, 0.0)
+    assert drive(STOP, exercise_of("ball_seeking"), environment, 0) == Attempt(4, True, 1, 2, 0.0)
     assert environment.commands == [(0.0, 0.0)] * 4
 
 

@@ -12,13 +12,11 @@ from fbql_behaviors.core.observation import (
     Feature,
     Observation,
     approaching,
-    ball_seeking,
     observation_of,
     register,
-    wall_avoiding,
 )
 from fbql_common.core.errors import BadInput
-from fbql_common.core.geometry import approach_angle, ball_distance_and_bearing, wall_distance_and_bearing
+from fbql_common.core.geometry import approach_angle
 from fbql_common.core.types import World
 from hypothesis import given
 from hypothesis import strategies as st
@@ -36,6 +34,7 @@ def beside_the_side_wall(robot: tuple[float, float, float], ball: tuple[float, f
     return world_with(robot, ball, (robot[0], math.copysign(0.9, robot[1])))
 
 
+ball_seeking, wall_avoiding = OBSERVATIONS["ball_seeking"].sense, OBSERVATIONS["wall_avoiding"].sense
 X, Y = st.floats(-1.1, 1.1), st.floats(-0.9, 0.9)
 WORLDS = st.builds(beside_the_side_wall, st.tuples(X, Y, st.floats(-pi, pi)), st.tuples(X, Y))
 
@@ -47,18 +46,6 @@ def test_ball_seeking_senses_distance_and_bearing_of_the_ball() -> None:
 
 def test_wall_avoiding_senses_distance_and_bearing_of_the_closest_wall_point() -> None:
     assert wall_avoiding(world_with((0.2, 0.6, 0.0), wall=(0.2, 0.9))) == pytest.approx((0.3, pi / 2))
-
-
-@given(WORLDS)
-def test_what_is_sensed_agrees_with_the_shared_geometry(world: World) -> None:
-    assert ball_seeking(world) == pytest.approx(to_half_open(ball_distance_and_bearing(world)))
-    assert wall_avoiding(world) == pytest.approx(to_half_open(wall_distance_and_bearing(world)))
-    assert approaching(world)[1] == pytest.approx(to_half_open((0.0, approach_angle(world)))[1])
-
-
-def to_half_open(distance_and_angle: tuple[float, float]) -> tuple[float, float]:
-    distance, angle = distance_and_angle
-    return distance, -pi if angle == pi else angle
 
 
 @given(WORLDS)

@@ -1,8 +1,8 @@
-"""The behavior node: a world state comes in, the tree's reference wheel velocities go out.
+"""The behavior node: world states in, the tree's reference wheel velocities out.
 
-Owns: one tree. Does not own: time, the order of steps, what happens with its references.
-Subscribes `world`; publishes `behaviors/<name>`. It keeps no state between steps, so that a world state that is
-asked again gets the same answer. Parameters: `BehaviorNodeParameters`.
+Owns: one tree. Does not own: time, the order of steps, the use of its references.
+Subscribes `world`; publishes `behaviors/<name>`. It keeps no state between steps, so a repeated world state gets the
+same answer. Parameters: `BehaviorNodeParameters`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from fbql_behaviors.storage import load_tree
 
 @dataclass(frozen=True)
 class BehaviorNodeParameters:
-    """What a behavior node can be told."""
+    """Parameters of a behavior node."""
 
     tree_file: str = parameter("", "tree file to run; empty: the tree that ships for this behavior")
     name: str = parameter("", "name of the behavior, and so its topic behaviors/<name>; empty: the tree file's")
@@ -43,7 +43,7 @@ class BehaviorNodeParameters:
 
 
 class BehaviorNode(GraphNode):
-    """One behavior, with the tree that ships for `behavior_name`, or the one that `tree_file` names."""
+    """One behavior, with the tree that ships for `behavior_name`, or the one in `tree_file`."""
 
     def __init__(self, behavior_name: str = "", **options: Any) -> None:
         super().__init__(behavior_name or "behavior", **options)

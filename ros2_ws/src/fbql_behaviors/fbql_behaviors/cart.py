@@ -1,7 +1,7 @@
-"""CART by scikit-learn, to hold our induction against: the same patterns, the same measure, and a tree of ours in the end.
+"""CART (Breiman et al. 1984) by scikit-learn, as a baseline for our induction: from the same patterns to a tree of ours.
 
-It is a DecisionTreeRegressor of both wheels' levels, grown best split first, so that its size is a number of leaves. Without
-a given size, cross-validation by demonstration chooses one. scikit-learn is needed for this alone.
+It is a DecisionTreeRegressor of both wheels' levels, grown best split first, so that its size is a number of leaves. Unless
+a size is given, cross-validation by demonstration chooses it. Only this module needs scikit-learn.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.sklearn_trees import from_sklearn
 
 LEAF_COUNTS = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64, 91, 128, 181, 256)
-"""The sizes that cross-validation tries: each about 1.4 times the one before."""
+"""The sizes that cross-validation tries, each about 1.4 times the previous one."""
 
 
 class Cart(NamedTuple):
-    """A CART tree, and the held-out error [levels] of each size that was tried on the way to it."""
+    """A CART tree, and the held-out error [levels] of each size that was tried."""
 
     tree: Tree
     tried: dict[int, float]
 
 
 def grow_cart(behavior: str, patterns: Patterns, seed: int, leaves: int | None = None) -> Cart:
-    """CART's tree of patterns with at most so many leaves; None: as many as cross-validation chooses.
+    """CART's tree of patterns with at most `leaves` leaves; None: as many as cross-validation chooses.
 
-    `seed` decides between splits of equal worth. Raises BadInput without scikit-learn, or for fewer than one leaf.
+    `seed` decides between equally good splits. Raises BadInput without scikit-learn, or for fewer than one leaf.
     """
     if leaves is not None and leaves < 1:
         raise BadInput(f"a tree of {leaves} leaves; it needs at least 1")
@@ -41,20 +41,20 @@ def grow_cart(behavior: str, patterns: Patterns, seed: int, leaves: int | None =
     if leaves is None:
         tried = held_out_by_leaves(behavior, patterns, seed)
         leaves = min(tried, key=tried.__getitem__, default=1)
-    return Cart(_grown(behavior, seed, leaves, patterns), tried)
+    return Cart(_grow(behavior, seed, leaves, patterns), tried)
 
 
 def held_out_by_leaves(behavior: str, patterns: Patterns, seed: int) -> dict[int, float]:
     """The cross-validated error [levels] of each size in `LEAF_COUNTS`; empty with fewer than two demonstrations."""
-    found: dict[int, float] = {}
+    errors: dict[int, float] = {}
     for leaves in LEAF_COUNTS:
-        rmse = cross_validated_rmse(patterns, partial(_grown, behavior, seed, leaves))
+        rmse = cross_validated_rmse(patterns, partial(_grow, behavior, seed, leaves))
         if rmse is not None and leaves <= len(patterns):
-            found[leaves] = rmse
-    return found
+            errors[leaves] = rmse
+    return errors
 
 
-def _grown(behavior: str, seed: int, leaves: int, patterns: Patterns) -> Tree:
+def _grow(behavior: str, seed: int, leaves: int, patterns: Patterns) -> Tree:
     sklearn, trees = scikit_learn()
     # scikit-learn's max_leaf_nodes begins at 2.
     size = {"max_depth": 1, "min_samples_split": len(patterns) + 2} if leaves == 1 else {"max_leaf_nodes": leaves}

@@ -1,7 +1,7 @@
-"""Where the observation of a behavior comes from: this package, a Python file that the user names, or an installed package.
+"""Finds the observation of a behavior: in this package, in a Python file that the user names, or in an installed package.
 
-A file is named as FILE.py:NAME, and NAME, an `Observation` at the file's top level, is the behavior's name; FILE.py alone
-will do when it has one. An installed package declares it as an entry point of the group `fbql_behaviors.observations`:
+A file is named as FILE.py:NAME, where NAME is an `Observation` at the file's top level and also the behavior's name;
+FILE.py alone will do when it defines only one. An installed package declares an entry point:
 
     entry_points={"fbql_behaviors.observations": ["escaping = my_package.escaping:escaping"]}
 
@@ -28,30 +28,9 @@ from fbql_common.core.types import World
 from fbql_behaviors.core.observation import OBSERVATIONS, Observation, observation_of
 
 GROUP = "fbql_behaviors.observations"
-_SAMPLE = World(
-    stamp_ns=0,
-    episode=0,
-    step=0,
-    robot_x_m=-0.5,
-    robot_y_m=0.4,
-    robot_yaw_rad=0.3,
-    robot_speed_m_s=0.1,
-    robot_yaw_rate_rad_s=0.2,
-    ball_x_m=0.4,
-    ball_y_m=-0.1,
-    ball_vx_m_s=0.05,
-    ball_vy_m_s=-0.02,
-    wall_x_m=-0.5,
-    wall_y_m=0.9,
-    wall_yaw_rad=-pi / 2,
-    goal=False,
-    own_goal=False,
-    collision_begun=False,
-    collision=False,
-    terminated=False,
-    truncated=False,
-)
-"""An ordinary world state, on which an observation is tried before anything depends on it."""
+_POSES = (-0.5, 0.4, 0.3, 0.1, 0.2, 0.4, -0.1, 0.05, -0.02, -0.5, 0.9, -pi / 2)
+_SAMPLE = World(0, 0, 0, *_POSES, *[False] * 6)
+"""An ordinary world state, on which every loaded observation is tried."""
 
 
 class Loaded(NamedTuple):
@@ -64,7 +43,7 @@ class Loaded(NamedTuple):
 
 
 def find_observation(behavior: str, source: str = "") -> Observation:
-    """The observation of a behavior: of the file `source` if one is given, else this package's, else an installed one.
+    """The observation of a behavior: from the file `source` if given, else this package's, else an installed one.
 
     Raises BadInput: there is none, or it cannot be used.
     """
@@ -86,7 +65,7 @@ def find_observation(behavior: str, source: str = "") -> Observation:
 
 
 def load_observation(source: str) -> Loaded:
-    """The observation that FILE.py:NAME, or FILE.py with one only, defines. Raises BadInput with file and reason."""
+    """The observation that FILE.py:NAME, or FILE.py with only one, defines. Raises BadInput with file and reason."""
     place, colon, name = source.rpartition(":")
     if not colon or source.endswith(".py"):
         place, name = source, ""
@@ -98,28 +77,28 @@ def load_observation(source: str) -> Loaded:
     if name not in defined:
         there = f"it has: {', '.join(sorted(defined))}" if defined else "it has none"
         raise BadInput(f"{path}: which Observation? write {path.name}:NAME; {there}")
-    return Loaded(name, _sound(name, defined[name], str(path)), f"{path}:{name}")
+    return Loaded(name, _check(name, defined[name], str(path)), f"{path}:{name}")
 
 
 def _installed(behavior: str) -> Observation | None:
-    found = sorted(entry_points(group=GROUP, name=behavior), key=lambda entry: entry.value)
-    if not found:
+    entries = {entry.value: entry for entry in entry_points(group=GROUP, name=behavior)}
+    if not entries:
         return None
-    values = sorted({entry.value for entry in found})
+    values = sorted(entries)
     if len(values) > 1:
         raise BadInput(f"behavior '{behavior}' is installed twice: {', '.join(values)}; remove one of the packages")
     where = f"entry point {GROUP}: {behavior} = {values[0]}"
     try:
-        loaded: object = found[0].load()
+        loaded: object = entries[values[0]].load()
     except Exception as error:  # whatever a foreign module raises
-        raise BadInput(f"{where}: {_told(error)}") from None
+        raise BadInput(f"{where}: {_describe(error)}") from None
     if not isinstance(loaded, Observation):
         raise BadInput(f"{where}: is a {type(loaded).__name__}, expected an Observation")
-    return _sound(behavior, loaded, where)
+    return _check(behavior, loaded, where)
 
 
 def _module(path: Path) -> ModuleType:
-    """The file as a module, run once in a process."""
+    """The file as a module, run once per process."""
     name = f"fbql_observation_{hashlib.sha256(str(path).encode()).hexdigest()[:16]}"
     if name in sys.modules:
         return sys.modules[name]
@@ -132,13 +111,13 @@ def _module(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:  # whatever the file raises
         del sys.modules[name]
-        reason = f"cannot be read ({error.strerror})" if isinstance(error, OSError) else _told(error, str(path))
+        reason = f"cannot be read ({error.strerror})" if isinstance(error, OSError) else _describe(error, str(path))
         raise BadInput(f"{path}: {reason}") from None
     return module
 
 
-def _told(error: Exception, file: str = "") -> str:
-    """An error of foreign code in one line, with the last line of its file that took part, if any did."""
+def _describe(error: Exception, file: str = "") -> str:
+    """An error of foreign code in one line, with the last line of `file` in its traceback, if any."""
     if isinstance(error, SyntaxError):
         return f"{type(error).__name__} in line {error.lineno}: {error.msg}"
     lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == file]
@@ -146,8 +125,8 @@ def _told(error: Exception, file: str = "") -> str:
     return f"{type(error).__name__}{place}: {' '.join(str(error).split())}"
 
 
-def _sound(behavior: str, observation: Observation, where: str) -> Observation:
-    """An observation whose parts are what they should be."""
+def _check(behavior: str, observation: Observation, where: str) -> Observation:
+    """The observation, once its parts are known to be valid. Raises BadInput."""
     names = [feature.name for feature in observation.features]
     if not names or len(set(names)) < len(names):
         raise BadInput(f"{where}: behavior '{behavior}' needs features, each with a name of its own")
@@ -161,18 +140,18 @@ def _sound(behavior: str, observation: Observation, where: str) -> Observation:
 
 
 def _try_sense(sense: Any, names: Sequence[str], where: str) -> None:
-    """Raises BadInput where it does not give a finite number for each of the names."""
+    """Raises BadInput unless `sense` returns a finite number for each name."""
     if not callable(sense):
         raise BadInput(f"{where} is not a function")
     try:
-        found: Any = sense(_SAMPLE)
+        observed: Any = sense(_SAMPLE)
     except Exception as error:  # whatever it raises
         file = sense.__code__.co_filename if isinstance(sense, FunctionType) else ""
-        raise BadInput(f"{where}: {_told(error, file)}") from None
+        raise BadInput(f"{where}: {_describe(error, file)}") from None
     expected = f"expected {len(names)}: {', '.join(names)}"
-    if not isinstance(found, tuple | list):
-        raise BadInput(f"{where} gives a {type(found).__name__} instead of a tuple; {expected}")
-    values = cast("Sequence[Any]", found)
+    if not isinstance(observed, tuple | list):
+        raise BadInput(f"{where} gives a {type(observed).__name__} instead of a tuple; {expected}")
+    values = cast("Sequence[Any]", observed)
     if len(values) != len(names):
         raise BadInput(f"{where} gives {len(values)} value{'' if len(values) == 1 else 's'}; {expected}")
     for name, value in zip(names, values, strict=True):

@@ -1,15 +1,15 @@
-"""Trees of scikit-learn as ours: from a fitted estimator, or from its arrays as JSON. Nothing is unpickled.
+"""Converts scikit-learn's trees to ours: from a fitted estimator, or from its arrays as JSON. Nothing is unpickled.
 
-scikit-learn need not be installed: an estimator is asked for its arrays, and the arrays are plain lists of numbers.
+scikit-learn need not be installed: only an estimator's arrays are used, as plain lists of numbers.
 
     {"children_left": [1, -1, -1], "children_right": [2, -1, -1], "feature": [0, -2, -2], "threshold": [0.4, -2, -2],
      "value": [[12.5, 50.0], ...], "n_node_samples": [8, 5, 3]}
 
-`value` holds the left and the right wheel velocity of each node [rad/s], in any nesting: `tree_.value.tolist()` will do. Of a
-classifier it holds a weight for each class, and `classes` lists the wheel classes; the heaviest class is the answer.
+`value` holds the left and the right wheel velocity of each node [rad/s], in any nesting, such as `tree_.value.tolist()`.
+For a classifier it holds a weight for each class, and `classes` lists the wheel classes; the heaviest class wins.
 
 scikit-learn rounds an attribute to single precision and sends it left when it is at most the threshold; we compare doubles
-and send it left when it is below. `exact_threshold` finds the double that makes the two the same for every number.
+and send it left when it is below. `exact_threshold` finds the double for which both decide alike for every number.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ def from_sklearn(
 ) -> Tree:
     """Our tree of a fitted DecisionTreeRegressor of both wheels, or DecisionTreeClassifier of the wheel class.
 
-    It answers like the estimator's `predict` for every observation inside of the root region; outside of it, like its edge.
+    It answers like the estimator's `predict` inside the root region, and outside it like the region's edge.
 
     Args:
         estimator: fitted on attributes in the order of `features`.
-        origin: what the tree's file tells about how it was made.
-        scale_rad_s: what 1 in a regressor's prediction means [rad/s]: 1 for rad/s, LEVEL_RAD_S for levels.
+        origin: how the tree was made, for its file.
+        scale_rad_s: unit of a regressor's prediction [rad/s]: 1 for rad/s, LEVEL_RAD_S for levels.
 
     Raises BadInput when it is not fitted, or does not predict a wheel pair from so many features.
     """
@@ -78,12 +78,12 @@ def from_arrays(
     origin: Mapping[str, Any] | None = None,
     scale_rad_s: float = 1.0,
 ) -> Tree:
-    """Our tree of a scikit-learn tree's arrays (see the module). Raises BadInput, naming the array and the node."""
-    checked = _checked(arrays, scale_rad_s)
+    """Our tree of a scikit-learn tree's arrays (see the module docstring). Raises BadInput naming array and node."""
+    checked = _check(arrays, scale_rad_s)
     nodes: list[Node] = []
     leaves: list[Leaf] = []
     root = tuple((feature.low, feature.high) for feature in features)
-    # (node there, its region, our split that waits for it, whether it is that split's left child)
+    # (their node, its region, our split above it, whether it is that split's left child)
     pending: list[tuple[int, Region, int, bool]] = [(0, root, -1, False)]
     visited = [False] * len(checked.left)
     while pending:
@@ -107,29 +107,29 @@ def from_arrays(
                 pending.append((checked.left[index], left, len(nodes), True))
                 node = Split(column, threshold, 0, 0)
                 break
-            # Nothing of the region lies on the other side: that child is never asked.
+            # The whole region lies on one side: the other child is unreachable.
             index = checked.right[index] if threshold <= low else checked.left[index]
         if parent >= 0:
-            waiting = nodes[parent]
-            assert isinstance(waiting, Split)
-            nodes[parent] = waiting._replace(left=len(nodes)) if is_left else waiting._replace(right=len(nodes))
+            above = nodes[parent]
+            assert isinstance(above, Split)
+            nodes[parent] = above._replace(**{"left" if is_left else "right": len(nodes)})
         nodes.append(node)
     return Tree(behavior, features, tuple(nodes), tuple(leaves), origin or {})
 
 
 def exact_threshold(threshold: float) -> float:
-    """The double t for which x < t says the same as float32(x) <= threshold, for every x that single precision holds."""
+    """The double t for which x < t equals float32(x) <= threshold, for every x in the range of single precision."""
     with np.errstate(over="ignore"):
         below = np.float32(threshold)
         if float(below) > threshold:
             below = np.nextafter(below, np.float32(-inf))
         above = np.nextafter(below, np.float32(inf))
         middle = (float(below) + float(above)) / 2
-        # A double right between two singles is rounded to the even one.
+        # A double halfway between two singles rounds to the even one.
         return nextafter(middle, inf) if float(np.float32(middle)) == float(below) else middle
 
 
-def _checked(arrays: Mapping[str, Any], scale_rad_s: float) -> _Arrays:
+def _check(arrays: Mapping[str, Any], scale_rad_s: float) -> _Arrays:
     for name in ARRAYS:
         if not isinstance(arrays.get(name), list):
             raise BadInput(f"'{name}' is missing, or not a list; needed are: {', '.join(ARRAYS)}")
@@ -146,11 +146,10 @@ def _checked(arrays: Mapping[str, Any], scale_rad_s: float) -> _Arrays:
         if first != NO_CHILD and not (0 <= first < count and 0 <= second < count):
             raise BadInput(f"node {index}: a child is outside of 0 .. {count - 1}")
     classes = _classes(arrays)
+    values = [_flat(index, value) for index, value in enumerate(arrays["value"])]
     references = [
-        _of_class(index, _flat(index, value), classes)
-        if classes
-        else _of_wheels(index, _flat(index, value), scale_rad_s)
-        for index, value in enumerate(arrays["value"])
+        _class_reference(index, numbers, classes) if classes else _wheel_reference(index, numbers, scale_rad_s)
+        for index, numbers in enumerate(values)
     ]
     return _Arrays(
         left,
@@ -162,13 +161,13 @@ def _checked(arrays: Mapping[str, Any], scale_rad_s: float) -> _Arrays:
     )
 
 
-def _of_wheels(index: int, values: list[float], scale_rad_s: float) -> tuple[float, float]:
+def _wheel_reference(index: int, values: list[float], scale_rad_s: float) -> tuple[float, float]:
     if len(values) != 2:
         raise BadInput(f"value[{index}] has {len(values)} numbers; a regressor of both wheels has 2, left and right")
     return values[0] * scale_rad_s, values[1] * scale_rad_s
 
 
-def _of_class(index: int, weights: list[float], classes: list[int]) -> tuple[float, float]:
+def _class_reference(index: int, weights: list[float], classes: list[int]) -> tuple[float, float]:
     if len(weights) != len(classes):
         raise BadInput(f"value[{index}] has {len(weights)} weights for {len(classes)} classes")
     left, right = levels_of(classes[weights.index(max(weights))])
@@ -189,16 +188,16 @@ def _classes(arrays: Mapping[str, Any]) -> list[int]:
 
 
 def _flat(index: int, value: Any) -> list[float]:
-    """The numbers of a value, whatever lists they are in."""
-    found: list[float] = []
+    """The numbers of a value, out of any nesting of lists."""
+    numbers: list[float] = []
     pending = [value]
     while pending:
         item = pending.pop()
         if isinstance(item, list):
             pending += reversed(item)  # pyright: ignore[reportUnknownArgumentType]
         else:
-            found.append(_finite("value", index, item))
-    return found
+            numbers.append(_finite("value", index, item))
+    return numbers
 
 
 def _whole(name: str, index: int, value: Any) -> int:

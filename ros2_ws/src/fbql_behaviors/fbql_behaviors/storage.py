@@ -1,4 +1,4 @@
-"""Tree files: versioned JSON, validated before anything in it is believed, written whole or not at all.
+"""Tree files: versioned JSON, fully validated when read, written atomically.
 
     {"format": "fbql_tree", "version": 1, "sha256": ...,
      "behavior": "ball_seeking",
@@ -7,7 +7,7 @@
      "leaves": [{"left_rad_s": 12.5, "right_rad_s": 50.0, "patterns": 8}, ...],
      "origin": {"method": "rl", ...}}        how it was made, with the SHA-256 of the training patterns
 
-Node 0 is the root. `sha256` is over everything but format, version and itself, in canonical form (`Tree.hash`).
+Node 0 is the root. `sha256` covers everything but format, version and itself, in canonical form (`Tree.hash`).
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ def load_tree(path: Path) -> Tree:
 
 
 def save_tree(path: Path, tree: Tree) -> None:
-    """Writes a tree, whole or not at all; a file that was there stays until then. Raises OSError."""
+    """Writes a tree atomically; an existing file is replaced only by a complete one. Raises OSError."""
     write_atomically(path, tree_to_bytes(tree))
 
 
 def tree_to_bytes(tree: Tree) -> bytes:
-    """The file of a tree: a node and a leaf a line, so that a person can read and compare it."""
+    """The file of a tree: one node or leaf per line, easy to read and to compare."""
     parts = [f'"format": "{FORMAT}"', f'"version": {SUPPORTED_VERSIONS[-1]}', f'"sha256": "{tree.hash}"']
     for key, value in tree.content().items():
         if isinstance(value, list):
@@ -71,23 +71,22 @@ def tree_from_bytes(data: bytes) -> Tree:
     if len(data) > MAX_BYTES:
         raise BadInput(f"more than {MAX_BYTES} bytes; a tree file is smaller")
     try:
-        found = json.loads(data, parse_constant=_not_a_number, parse_float=_finite)
+        content = json.loads(data, parse_constant=_not_a_number, parse_float=_finite)
     except BadInput:
         raise
     except UnicodeDecodeError:
-        raise BadInput("not a tree file: it is no text") from None
+        raise BadInput("not a tree file: it is not text") from None
     except json.JSONDecodeError as error:
         raise BadInput(f"not JSON, or truncated: {error.msg} in line {error.lineno}") from None
     except ValueError:  # Python reads no whole number of more than 4300 digits
         raise BadInput("not a tree file: a number has too many digits") from None
     except RecursionError:
         raise BadInput("not a tree file: it is nested too deeply") from None
-    if not isinstance(found, dict) or found.get("format") != FORMAT:  # pyright: ignore[reportUnknownMemberType]
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise BadInput(f'not a tree file: it lacks "format": "{FORMAT}"')
-    content: dict[str, Any] = found  # pyright: ignore[reportUnknownVariableType]
     version = content.get("version")
     if type(version) is not int or version not in SUPPORTED_VERSIONS:
-        supported = ", ".join(str(known) for known in SUPPORTED_VERSIONS)
+        supported = ", ".join(map(str, SUPPORTED_VERSIONS))
         raise BadInput(f"version is {version!r}; supported: {supported}; make the tree again with this release")
     tree = Tree(
         _name(content, "behavior"),
@@ -131,17 +130,21 @@ def _each[T](content: dict[str, Any], key: str, read: Callable[[Any], T]) -> lis
     return values
 
 
-def _value[T](content: Any, key: str, kind: type[T]) -> T:
+def _get(content: Any, key: str) -> Any:
     if not isinstance(content, dict):
         raise BadInput(f"expected an object with '{key}'")
-    value: Any = content.get(key)  # pyright: ignore[reportUnknownMemberType]
+    return content.get(key)
+
+
+def _value[T](content: Any, key: str, kind: type[T]) -> T:
+    value = _get(content, key)
     if not isinstance(value, kind) or isinstance(value, bool):
         raise BadInput(f"'{key}' is missing, or of a wrong type")
     return value
 
 
 def _name(content: Any, key: str) -> str:
-    """A text that can stand in one line."""
+    """A printable text of one line."""
     text = _value(content, key, str)
     if not text or not text.isprintable():
         raise BadInput(f"'{key}' is {text!r}; it must be a name in one line")
@@ -149,9 +152,7 @@ def _name(content: Any, key: str) -> str:
 
 
 def _number(content: Any, key: str) -> float:
-    if not isinstance(content, dict):
-        raise BadInput(f"expected an object with '{key}'")
-    value: Any = content.get(key)  # pyright: ignore[reportUnknownMemberType]
+    value = _get(content, key)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise BadInput(f"'{key}' is missing, or not a number")
     try:

@@ -1,1 +1,1 @@
-"""What the simulator, behavior and fusion packages share."""
+"""Shared by every package: `core` and `atomic_file` need no ROS, the other modules are for nodes."""

@@ -1,4 +1,4 @@
-"""A file that is there whole or not at all, also when the disk is full or the process is killed."""
+"""Atomic writes: a file is complete or absent, even when the disk is full or the process is killed."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from pathlib import Path
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Writes a file beside its place, then moves it there. A file that was there stays until then.
+    """Writes a temporary file and renames it to `path`; an existing file is replaced only by a complete one.
 
     Raises:
-        OSError: it could not be written; nothing is left behind.
+        OSError: the file could not be written; nothing is left behind.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:

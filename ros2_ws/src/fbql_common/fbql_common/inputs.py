@@ -1,7 +1,7 @@
-"""A node's input: one subscription to bytes that decodes them, drops what must not be acted on, and says why.
+"""A node's input: a subscription that decodes messages, and drops unusable ones with a reason.
 
-It owns what every input of every node needs: counting and throttled warnings, the error for a publisher whose
-QoS or type does not match, the age of the last message. It does not decide what a missing input means.
+Owns what every input needs: counts, throttled warnings, the error for a publisher whose QoS or type does not match, the
+age of the last message. Does not own: what a missing input means.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fbql_common.wire import MESSAGES, Rejected, type_name
 
 WARN_PERIOD_S = 1.0
 _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
-"""rmw's name for a publisher whose node is not discovered yet."""
+"""The name that rmw gives a publisher whose node is not discovered yet."""
 
 
 class Stamped(Protocol):
@@ -26,7 +26,7 @@ class Stamped(Protocol):
 
     @property
     def stamp_ns(self) -> int:
-        """Simulated time of the world state that the message is or answers [ns]; 0 where its sender set none."""
+        """Simulated time of the world state that the message holds or answers [ns]; 0 where the sender set none."""
         ...
 
 
@@ -35,7 +35,7 @@ class Input[T: Stamped]:
 
     Args:
         kind: the domain type, whose message type the topic must carry.
-        decode: bytes -> value, raising Rejected (fbql_common.wire).
+        decode: bytes -> value; raises Rejected (fbql_common.wire) for an unusable message.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Input[T: Stamped]:
         self._deliver(value, data)
 
     def drop(self, reason: str) -> None:
-        """Counts a message that is not acted on, and warns at most once a second."""
+        """Counts a dropped message, and warns at most once a second."""
         self.dropped += 1
         now = monotonic()
         if now - self._warned_s >= WARN_PERIOD_S:
@@ -95,11 +95,11 @@ class Input[T: Stamped]:
         return None if self._last_s is None else monotonic() - self._last_s
 
     def publishers(self) -> int:
-        """How many matching publishers there are."""
+        """The number of matching publishers."""
         return self._subscription.get_publisher_count()
 
     def check_types(self) -> None:
-        """Logs an ERROR, once, for each other type that is published here: DDS keeps such a mismatch silent."""
+        """Logs an error, once, for each other message type published on this topic: DDS ignores it silently."""
         for info in self._node.get_publishers_info_by_topic(self.topic):
             if info.topic_type != self._type_name:
                 who = "somebody" if info.node_name == _UNKNOWN_NODE else f"node '{info.node_name}'"

@@ -1,4 +1,4 @@
-"""Starts nodes, spins them and ends them: the one place that touches signals, the executor and exit codes."""
+"""Starts, spins and closes nodes: the one place that handles signals, the executor and exit codes."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from fbql_common.core.errors import BadInput
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 _PATIENCE_S = 0.2
-"""How long the executor waits before it looks at signals. Its endless spin() is deaf to them (these wheels)."""
+"""How often the executor checks for signals [s]. Its spin() without a timeout never does (in these wheels)."""
 
 
 class GraphNode(Node):
-    """A node that can say that its work is done.
+    """A node that can end its process.
 
-    `finish(code)` ends the process (or, in one process, all its nodes) with that exit code. `options` are those of
-    rclpy's Node: namespace, context, cli_args and so on, for whoever composes nodes.
+    `finish(code)` ends the process, with all its nodes, with that exit code. `options` are those of rclpy's Node
+    (namespace, context, cli_args ...), for callers that compose nodes.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
@@ -42,51 +42,51 @@ class GraphNode(Node):
         self.finished: Future = Future()
 
     def finish(self, code: int = DONE) -> None:
-        """Ends the spinning with an exit code. The first call counts."""
+        """Ends the spinning with an exit code; only the first call counts."""
         if not self.finished.done():
             self.finished.set_result(code)
 
     def close(self) -> None:
-        """Called once when the spinning has ended, however it ended; publishing still works."""
+        """Called once when the spinning has ended, for any reason; publishing still works."""
 
 
 class _Signals:
-    """SIGINT, SIGTERM and SIGHUP ask for the end; the context stays valid until the nodes are closed.
+    """Records SIGINT, SIGTERM and SIGHUP; the context stays valid until the nodes are closed.
 
-    rclpy's own handlers shut the context down in the middle of a callback. Ours only take note, so that the callback
-    under way ends well and close() can still publish. A second signal changes nothing: a recording is being finished.
+    rclpy's own handlers shut the context down in the middle of a callback. These only set a flag, so that the current
+    callback completes and close() can still publish. Further signals are ignored while a recording is being finished.
     """
 
     def __init__(self) -> None:
-        self.came = False
+        self.received = False
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._note)
 
     def _note(self, _number: int, _frame: FrameType | None) -> None:
-        self.came = True
+        self.received = True
 
 
 def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | None = None) -> int:
-    """Makes the nodes, spins them in one executor until one finishes or a signal comes, and closes them.
+    """Makes the nodes, spins them in one executor until one finishes or a signal arrives, and closes them.
 
     Returns:
-        0 when the work is done or a signal came, 2 on bad input, else the code that a node finished with.
+        0 when the work is done or a signal arrived, 2 on bad input, else the code that a node finished with.
     """
     signals = _Signals()
     words = list(sys.argv if args is None else args)
     try:
         refuse_security()
-        _writable_log_directory()
+        _ensure_log_directory()
         rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
     except BadInput as error:
-        return _say(error)
+        return _fail(error)
     except UnknownROSArgsError as error:
-        return _say(f"unknown ROS arguments: {error}")
+        return _fail(f"unknown ROS arguments: {error}")
     except RCLError as error:
-        return _say(str(error).strip().partition("\n")[0])
+        return _fail(str(error).strip().partition("\n")[0])
     nodes: list[GraphNode] = []
     try:
-        _refuse_strangers(words)
+        _refuse_other_arguments(words)
         executor = EventsExecutor()
         for make in make_nodes:
             node = make()
@@ -94,9 +94,9 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
             executor.add_node(node)
         return _spin(executor, nodes, signals)
     except (BadInput, InvalidParameterTypeException) as error:
-        return _say(error)
+        return _fail(error)
     except NameValidationException as error:
-        return _say(str(error).rstrip("^ \n"))
+        return _fail(str(error).rstrip("^ \n"))
     finally:
         rclpy.try_shutdown()
 
@@ -110,11 +110,11 @@ def _spin(executor: EventsExecutor, nodes: Sequence[GraphNode], signals: _Signal
 
     for node in nodes:
         node.finished.add_done_callback(lambda _: end())
-    # An executor that always has something to do never comes to its timeout (nodes of one process in lockstep).
+    # A busy executor (nodes of one process in lockstep) never reaches its timeout.
     clock = Clock(clock_type=ClockType.STEADY_TIME)
-    nodes[0].create_timer(_PATIENCE_S, lambda: end() if signals.came else None, clock=clock)
+    nodes[0].create_timer(_PATIENCE_S, lambda: end() if signals.received else None, clock=clock)
     try:
-        while not (signals.came or ended.done()):
+        while not (signals.received or ended.done()):
             executor.spin_until_future_complete(ended, timeout_sec=_PATIENCE_S)
     finally:
         for node in nodes:
@@ -123,7 +123,7 @@ def _spin(executor: EventsExecutor, nodes: Sequence[GraphNode], signals: _Signal
 
 
 def refuse_security() -> None:
-    """Raises BadInput where DDS-Security is asked for: it is not to be had here, and nothing else would say so."""
+    """Raises BadInput where DDS-Security is requested: it is not available here, and would be ignored silently."""
     if os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true":
         raise BadInput(
             "ROS_SECURITY_ENABLE is true, but this Fast DDS is built without DDS-Security and would run unsecured; "
@@ -131,18 +131,18 @@ def refuse_security() -> None:
         )
 
 
-def _refuse_strangers(words: Sequence[str]) -> None:
-    """Raises BadInput for arguments that are none of ROS: a parameter without --ros-args before it would go unheard."""
-    strangers = remove_ros_args(words)[1:]
-    if strangers:
+def _refuse_other_arguments(words: Sequence[str]) -> None:
+    """Raises BadInput for arguments outside --ros-args, such as a parameter, which would be ignored silently."""
+    unknown = remove_ros_args(words)[1:]
+    if unknown:
         raise BadInput(
-            f"{Path(words[0]).name}: unknown arguments: {' '.join(strangers)}; parameters and remappings are given as "
+            f"{Path(words[0]).name}: unknown arguments: {' '.join(unknown)}; parameters and remappings are given as "
             "--ros-args -p NAME:=VALUE -r FROM:=TO, and docs/parameters.md has their names"
         )
 
 
-def _writable_log_directory() -> None:
-    """Points ROS_LOG_DIR to a directory that can be written, when the one in force can't be."""
+def _ensure_log_directory() -> None:
+    """Points ROS_LOG_DIR to a writable directory when the current log directory is not."""
     directory = _log_directory()
     try:
         if directory is None:
@@ -163,7 +163,7 @@ def _writable_log_directory() -> None:
 
 
 def _log_directory() -> Path | None:
-    """Where ROS will log to, by its own rules; None where they name no place."""
+    """The directory that ROS will log to, by its own rules; None where they give none."""
     if named := os.environ.get("ROS_LOG_DIR"):
         return Path(named)
     if home := os.environ.get("ROS_HOME"):
@@ -171,6 +171,6 @@ def _log_directory() -> Path | None:
     return Path(home) / ".ros" / "log" if (home := os.environ.get("HOME")) else None
 
 
-def _say(message: object) -> int:
+def _fail(message: object) -> int:
     print(" ".join(str(message).split()), file=sys.stderr)
     return BAD_INPUT

@@ -1,4 +1,4 @@
-"""The names of topics and services, and their quality of service. Relative names: a node's namespace applies."""
+"""Names of topics and services, and their quality of service. Names are relative: a node's namespace applies."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ STEP_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
-"""For every message of a step: reliable, since a step waits for each of them."""
+"""For every message of a step: reliable, because a step waits for each of them."""
 
 POSE_QOS = STEP_QOS
-"""For the topics that are made for ROS tools."""
+"""For the topics for ROS tools."""
 
 
 def behavior_topic(name: str) -> str:

@@ -1,4 +1,4 @@
-"""A steady watchdog over the world states that a node lives on."""
+"""A watchdog over the world states that a node receives."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from fbql_common.wire import NS
 
 PAUSED_AFTER_S = 2.0
 AHEAD_NS = 60 * NS
-"""A stamp so far ahead of the last, without a pause between them, is of another clock."""
+"""A stamp this far ahead of the last one, without a pause between them, is from another clock."""
 _PERIOD_S = 0.5
 
 
 def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> Timer:
-    """A timer on the steady clock: it runs whatever simulated or wall time does (timers run on ROS time by default)."""
+    """A timer on the steady clock, independent of simulated and wall time (by default timers run on ROS time)."""
     return node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 class WorldWatch:
-    """Judges the order of world states; says once when the first one is missing, when they pause and go on.
+    """Checks the order of world states; logs when none has arrived yet, when they pause, and when they resume.
 
-    It owns the node's idea of "older"; it does not own the input itself.
+    Owns: which world state counts as older. Does not own: the input.
     """
 
     def __init__(self, node: Node, world_input: Input[World]) -> None:
@@ -42,10 +42,10 @@ class WorldWatch:
         self._timer = steady_timer(node, _PERIOD_S, self._check)
 
     def accept(self, world: World) -> bool:
-        """False for a world state that is older than the last (counted), or that comes before /clock does.
+        """Whether a world state is usable: not older than the last one (those are counted), nor ahead of /clock.
 
-        An episode's first world state is never too old, and none is after a pause: a simulator that was started
-        again begins its time anew.
+        An episode's first world state is never too old, nor is any after a pause, because a restarted simulator begins
+        its time anew.
         """
         if not self._clock_ready and self._waits_for_clock():
             self._input.drop("use_sim_time is set and no /clock has come yet")
@@ -80,5 +80,5 @@ class WorldWatch:
                 f"simulation paused: no world state on {self._input.topic} for {age_s:.1f} s"
             )
         if self._paused and not paused:
-            self._node.get_logger().info("simulation goes on")
+            self._node.get_logger().info("simulation resumed")
         self._paused = paused

@@ -1,8 +1,8 @@
-"""The one place where domain types become bytes on the wire, and bytes domain types.
+"""The one place that converts domain types to bytes on the wire, and back.
 
-Every message of ours is published as bytes made here and received as bytes (`raw=True`) read here; the same bytes
-are recorded. The layout is read from the generated message classes, so it can't drift from the .msg files.
-Encoding checks types (a wrong one raises TypeError before anything is published); decoding rejects what a node
+Every message of ours is published as bytes encoded here and received as bytes (`raw=True`) decoded here; the same bytes
+are recorded. The layout is read from the generated message classes, so it cannot drift from the .msg files.
+Encoding checks types (a wrong one raises TypeError before anything is published); decoding rejects messages that a node
 must not act on, with the reason.
 """
 
@@ -33,7 +33,7 @@ _UNBOUNDED = {"double": "float64", "boolean": "bool", "octet": "uint8"}
 
 
 class Rejected(ValueError):
-    """A message that arrived and is not acted on; the text is the reason."""
+    """A received message that must not be acted on; the text is the reason."""
 
 
 def type_name(kind: type[Any]) -> str:
@@ -64,14 +64,14 @@ def _header(stamp_ns: int) -> tuple[int, int, str]:
 
 
 def _read(codec: Codec, data: bytes) -> tuple[int, list[Any]]:
-    """The stamp [ns] and the fields behind the header."""
+    """The stamp [ns] and the fields after the header."""
     try:
         values = codec.decode(data)
     except Malformed as error:
         raise Rejected(f"malformed: {error}") from None
     sec, nanosec, frame = values[0], values[1], values[2]
     if sec < 0 or nanosec >= NS:
-        raise Rejected(f"the stamp ({sec} s, {nanosec} ns) is no time")
+        raise Rejected(f"the stamp ({sec} s, {nanosec} ns) is not a time")
     if frame != FIELD_FRAME:
         raise Rejected(f"frame_id is '{frame}', expected '{FIELD_FRAME}'")
     return sec * NS + nanosec, values[3:]  # pyright: ignore
@@ -104,7 +104,7 @@ def decode_output(data: bytes) -> BehaviorOutput:
     """CDR of fbql_msgs/BehaviorOutput -> BehaviorOutput.
 
     Raises:
-        Rejected: malformed, of another frame, a reference that is not finite, or a leaf_id that the tree has not.
+        Rejected: malformed, of another frame, a reference that is not finite, or a leaf_id outside the tree.
     """
     stamp_ns, values = _read(_OUTPUT, data)
     output = BehaviorOutput(stamp_ns, *values)

@@ -56,15 +56,15 @@ OBSERVED: dict[str, float] = {
     "wall_y_m": _Y_M,
     "wall_yaw_rad": pi,
 }
-"""What is observed, in order, and the largest absolute value of each: these fields of World, in SI units and radians, in the
-frame "field" (REP-103: x towards the attacked goal, y to the left, counter-clockwise positive)."""
+"""The observed fields of World, in order, and the largest absolute value of each; SI units and radians, in the frame
+"field" (REP-103: x towards the attacked goal, y to the left, counter-clockwise positive)."""
 _FIRST, _END = World._fields.index("robot_x_m"), World._fields.index("wall_yaw_rad") + 1
 _HIGH = np.array([*OBSERVED.values()], np.float32)
 
 
 @dataclass(frozen=True)
 class EnvironmentParameters:
-    """What an environment can be told beside the simulator's own parameters."""
+    """Parameters of an environment beside the simulator's own."""
 
     hold_steps: int = parameter(1, "steps of the simulator that an action is held for", low=1, high=100_000)
     reward_goal: float = parameter(10.0, "reward of a goal", low=-1e9, high=1e9)
@@ -73,17 +73,17 @@ class EnvironmentParameters:
 
 
 class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
-    """Score with a differential-drive robot by its wheels' velocities.
+    """Score with a differential-drive robot by commanding its wheel velocities.
 
-    Action: float32 [2], left and right wheel velocity in -1 .. 1 of MAX_WHEEL_RAD_S (88 rad/s); values outside are limited.
-    Observation: float32 [12], the fields of OBSERVED within its bounds; a value outside of them is limited.
-    Reward: the sum over the steps that the action was held: of a goal, an own goal, a collision when it begins.
+    Action: float32 [2], left and right wheel velocity as a share of MAX_WHEEL_RAD_S (88 rad/s), clipped to -1 .. 1.
+    Observation: float32 [12], the fields of OBSERVED, clipped to its bounds.
+    Reward: the sum over the held steps of the rewards of a goal, an own goal, and each collision that begins.
     Terminated by a goal or an own goal; truncated after `max_steps` (4000) steps of the simulator. Never both.
     Info of a step: `steps` (of the simulator), `goal`, `own_goal`, `collisions_begun`, `collision_steps`; of a reset:
     `episode_seed`.
 
-    `reset(seed=S)` begins a sequence of episodes that S alone decides. `reset(options={"episode_seed": N})` plays the very
-    episode that N stands for in a session: the same start, the same disturbance of the wheels.
+    `reset(seed=S)` begins a sequence of episodes determined by S alone. `reset(options={"episode_seed": N})` plays the same
+    episode as seed N does in a session: the same start, the same disturbance of the wheels.
 
     To build another action or observation on the same world, override `driver`, `observe` and the two spaces.
 
@@ -91,15 +91,15 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
         parameters: those of EnvironmentParameters and of SimulationParameters, by name.
 
     Raises:
-        BadInput: an unknown parameter, or a value of another type or out of its range.
+        BadInput: an unknown parameter, or a value of a wrong type or out of range.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 - Gymnasium's own declaration
 
     def __init__(self, **parameters: Any) -> None:
-        own = {name: parameters.pop(name) for name in limits_of(EnvironmentParameters) if name in parameters}
-        self.parameters = _made(EnvironmentParameters, own)
-        self.simulation = _made(SimulationParameters, parameters)
+        values = {name: parameters.pop(name) for name in limits_of(EnvironmentParameters) if name in parameters}
+        self.parameters = _declared(EnvironmentParameters, values)
+        self.simulation = _declared(SimulationParameters, parameters)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.observation_space = gymnasium.spaces.Box(-_HIGH, _HIGH, dtype=np.float32)
         self._loop = WorldLoop(self.simulation)
@@ -111,13 +111,13 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
         return self._loop.world
 
     def driver(self, action: Any) -> Drive:
-        """What drives while an action is held: here the same wheel velocities for every world."""
+        """The function that drives while an action is held: here the same wheel velocities for every world."""
         left, right = float(action[0]), float(action[1])
-        command = _limited(left) * MAX_WHEEL_RAD_S, _limited(right) * MAX_WHEEL_RAD_S
+        command = _clip(left) * MAX_WHEEL_RAD_S, _clip(right) * MAX_WHEEL_RAD_S
         return lambda _world: command
 
     def observe(self, world: World) -> NDArray[np.float32]:
-        """What is observed of a world."""
+        """The observation of a world."""
         seen = np.array(world[_FIRST:_END], np.float32)
         np.maximum(seen, -_HIGH, out=seen)
         return np.minimum(seen, _HIGH, out=seen)
@@ -169,20 +169,20 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
         return self.observe(world), reward, world.terminated, world.truncated, info
 
 
-def _made[T](declaration: type[T], values: dict[str, Any]) -> T:
-    """An instance of a declaration; whole numbers will do for decimal ones."""
+def _declared[T](declaration: type[T], values: dict[str, Any]) -> T:
+    """An instance of a declaration; integers are accepted for floats."""
     kinds = types_of(declaration)
     whole = {name: float(value) for name, value in values.items() if type(value) is int and kinds.get(name) is float}
     return from_mapping(declaration, {**values, **whole}, "environment")
 
 
-def _limited(share: float) -> float:
-    """Within -1 .. 1; not a number stays so."""
+def _clip(share: float) -> float:
+    """The value within -1 .. 1; NaN stays NaN."""
     return 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
 
 
 def _episode_seed(options: dict[str, Any]) -> int | None:
-    """The seed of the episode that the options ask for, if they do."""
+    """The episode seed in the reset options, if any."""
     unknown = sorted(set(options) - {"episode_seed"})
     if unknown:
         raise BadInput(f"environment: unknown reset option '{unknown[0]}'; known is: episode_seed")

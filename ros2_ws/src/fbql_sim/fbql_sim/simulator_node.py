@@ -1,15 +1,16 @@
-"""The simulator node: wheel commands come in, world states go out.
+"""The simulator node: wheel commands in, world states out.
 
-Owns: the world loop, simulated time, the order of steps. Does not own: which episode is played next (it is asked
-by service) and what a command is worth.
+Owns: the world loop, simulated time, the order of steps. Does not own: the choice of the next episode (a service request)
+and the reward.
 Publishes `world`, and for ROS tools `robot/pose`, `ball/pose`, `wall/pose`, `/clock`, `~/markers`, `/diagnostics`;
 subscribes `wheel_command`; serves `~/reset_episode`. Parameters: `SimulatorNodeParameters`, `SimulationParameters`.
 
-Lockstep (default): the world steps when the command for this very (episode, step) arrives; while none comes, the
-world state is published again now and then, so that a lost message or a late subscriber costs a moment, not the run.
-Real time: the world steps on the steady clock with the latest command, and with wheels at rest when that is too old.
-A command of another episode, from the future or older than one that came before is never used, nor, in lockstep, one
-with another stamp than the world state's: it answers an earlier play of that episode. One without a stamp counts as given now.
+Lockstep (default): the world steps when the command for its (episode, step) arrives; until then the world state is
+published again periodically, so that a lost message or a late subscriber delays the run but does not end it.
+Real time: the world steps on the steady clock with the latest command, and stops the wheels when that is too old.
+A command is ignored when it is of another episode, from the future, or older than an earlier one; in lockstep also when its
+stamp is not the world state's, because it then answers an earlier play of the same episode. A command without a stamp is
+taken as current.
 """
 
 from __future__ import annotations
@@ -34,12 +35,12 @@ from fbql_sim.core.world_loop import WorldLoop
 from fbql_sim.views import Views
 
 IDLE_EPISODE = -1
-"""The episode before anybody asked for one: the start of `seed` is shown, and may be driven by hand."""
+"""The episode before the first request: the start of `seed` is shown, and can be driven by hand."""
 
 
 @dataclass(frozen=True)
 class SimulatorNodeParameters:
-    """What the simulator node can be told beside the physics and the task."""
+    """Parameters of the simulator node beside those of the physics and the task."""
 
     seed: int = parameter(0, "seed of the start that is shown before the first reset", low=0)
     realtime: float = parameter(
@@ -87,7 +88,7 @@ class SimulatorNode(GraphNode):
         self._speed = self._settings.realtime
         if self._speed > 0:
             self._period_s = self._loop.dt_s / self._speed
-            # In slow motion a command of the last step is older than the limit before the next one comes.
+            # In slow motion the latest command may exceed the limit before the next one is due.
             self._patience_s = self._settings.command_timeout_s * max(1.0, 1.0 / self._speed)
             self._timer = steady_timer(self, self._period_s, self._tick)
         self._watch = steady_timer(self, min(self._settings.request_period_s, 0.25), self._check)
@@ -107,7 +108,7 @@ class SimulatorNode(GraphNode):
 
     def _on_command(self, command: WheelCommand, _data: bytes) -> None:
         world = self._world
-        if command.stamp_ns == 0:  # its sender set none, and the input has warned of it: it counts as given now
+        if command.stamp_ns == 0:  # no stamp: the input has warned, and the command is taken as current
             command = command._replace(stamp_ns=world.stamp_ns)
         if self._speed > 0:
             self._keep(command)
@@ -118,13 +119,13 @@ class SimulatorNode(GraphNode):
                 self._step(command.left_rad_s, command.right_rad_s)
         elif command.stamp_ns > world.stamp_ns:
             self._input.drop(f"a command for episode {command.episode}, step {command.step}, which is not there yet")
-        # An older one is the answer to a world state that was published twice: nothing to do.
+        # An older command answers a world state that was published twice: ignore it.
 
     def _keep(self, command: WheelCommand) -> None:
         """Keeps the latest command of this episode for the next steps."""
         age_s = (self._world.stamp_ns - command.stamp_ns) / NS
         if command.episode != self._world.episode:
-            return  # the last answers to an episode that is over
+            return  # a late answer to an episode that is over
         if age_s > self._patience_s * self._speed:
             self._input.drop(f"the command's stamp is {age_s:.2f} s old")
         elif age_s < 0:
@@ -167,7 +168,7 @@ class SimulatorNode(GraphNode):
         return response
 
     def _check(self) -> None:
-        """Asks again for what did not come, and ends a run whose partner is gone."""
+        """Repeats an unanswered world state, and ends a run that gets no commands any more."""
         self._views.refresh(self._counts())
         if self._input.received == 0 and self._input.publishers() == 0:
             self._input.check_types()

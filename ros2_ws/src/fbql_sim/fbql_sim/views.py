@@ -1,4 +1,4 @@
-"""What ROS tools look at: poses, /clock, markers, diagnostics. Made only when somebody looks, or in real time."""
+"""Topics for ROS tools: poses, /clock, markers, diagnostics; published for subscribers only, or always in real time."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _stamp(stamp_ns: int) -> Time:
 
 
 def pose_msg(stamp_ns: int, x_m: float, y_m: float, yaw_rad: float) -> PoseStamped:
-    """A pose in the plane, in the frame of the field."""
+    """A pose in the plane, in the frame "field"."""
     message = PoseStamped()
     message.header.stamp = _stamp(stamp_ns)
     message.header.frame_id = FIELD_FRAME
@@ -56,8 +56,8 @@ class Views:
     """Publishes the views of a world state.
 
     Args:
-        always: publish poses and clock of every world state (real time); otherwise only what has a subscriber, looked
-            up by refresh(). Markers, which cost more than all else together, are made for subscribers only.
+        always: publish poses and clock of every world state (real time); otherwise only topics with a subscriber, as of the
+            last refresh(). Markers, which cost more than the rest together, are published for subscribers only.
     """
 
     def __init__(self, node: Node, always: bool) -> None:
@@ -74,7 +74,7 @@ class Views:
         self._refreshes = 0
 
     def refresh(self, counts: Mapping[str, int]) -> None:
-        """Looks who subscribes; to be called a few times a second. Publishes the counts about once a second."""
+        """Updates which topics have subscribers; call it a few times a second. Publishes the counts about once a second."""
         self._show_poses = self._always or any(publisher.get_subscription_count() for publisher in self._poses)
         self._show_clock = self._always or self._clock.get_subscription_count() > 0
         self._show_markers = self._markers.get_subscription_count() > 0
@@ -83,7 +83,7 @@ class Views:
             self._diagnostics.publish(self._diagnostics_msg(counts))
 
     def show(self, world: World) -> None:
-        """Publishes what is looked at."""
+        """Publishes the topics that have subscribers."""
         if self._show_clock:
             self._clock.publish(Clock(clock=_stamp(world.stamp_ns)))
         if self._show_poses:

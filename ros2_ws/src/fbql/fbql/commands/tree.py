@@ -11,11 +11,12 @@ from math import degrees, isfinite, radians
 from pathlib import Path
 from typing import Any
 
+from fbql_behaviors.core.c_source import to_c
 from fbql_behaviors.core.explanation import explained, rules
-from fbql_behaviors.core.export import to_c, to_dot
 from fbql_behaviors.core.observation import observation_of
-from fbql_behaviors.core.partition_svg import partition_svg
 from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.drawing.dot import to_dot
+from fbql_behaviors.drawing.partition import partition_svg
 from fbql_behaviors.sklearn_trees import from_arrays
 from fbql_behaviors.storage import MAX_BYTES, load_tree, save_tree, tree_to_bytes
 from fbql_common.core.errors import BadInput

@@ -11,7 +11,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from fbql_behaviors.core.exercises import EXERCISES, exercise_of, measured
+from fbql_behaviors.core.exercises import EXERCISES, exercise_of, mean_cost
 from fbql_behaviors.core.leaf_tuning import TuningParameters, tune, tuning_of
 from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.shipped import shipped_trees
@@ -59,8 +59,8 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
             "leaves": tree.leaf_count,
             "leaves_changed": tuned.leaves_changed,
             "measure": exercise.measure,
-            "before": measured(before, exercise),
-            "after": measured(after, exercise),
+            "before": mean_cost(before, exercise),
+            "after": mean_cost(after, exercise),
             "difference_low": gained.low,
             "difference_high": gained.high,
             "starts": len(seeds),

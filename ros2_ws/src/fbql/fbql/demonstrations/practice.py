@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from fbql_behaviors.core.exercises import Episode, Exercise, drive
+from fbql_behaviors.core.exercises import Attempt, Exercise, drive
 from fbql_behaviors.core.tree import Tree
 from fbql_common.core.geometry import ball_distance_and_bearing
 from fbql_common.core.types import World
@@ -43,6 +43,6 @@ def measuring_seeds(seed: int, episodes: int) -> list[int]:
     return [int(word >> np.uint64(1)) for word in words]
 
 
-def measure(tree: Tree, exercise: Exercise, ground: PracticeGround, seeds: Sequence[int]) -> list[Episode]:
+def measure(tree: Tree, exercise: Exercise, ground: PracticeGround, seeds: Sequence[int]) -> list[Attempt]:
     """Drives the episodes of these seeds; the same seed is the same start, whatever the tree."""
     return [drive(tree, exercise, ground, seed) for seed in seeds]

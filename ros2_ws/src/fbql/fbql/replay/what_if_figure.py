@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fbql_behaviors.core.svg import Axis, document, frame, line, number, text, ticks_between
+from fbql_behaviors.drawing.svg import Axis, document, frame, line, number, text, ticks_between
 
 from fbql.replay.what_if import Compared
 

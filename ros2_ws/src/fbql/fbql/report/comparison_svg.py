@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isfinite
 
-from fbql_behaviors.core.svg import Axis, document, frame, line, number, text, ticks_between
+from fbql_behaviors.drawing.svg import Axis, document, frame, line, number, text, ticks_between
 
 from fbql.report.comparison import MEASURES, Kind
 

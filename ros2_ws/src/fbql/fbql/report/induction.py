@@ -12,13 +12,14 @@ from math import degrees, isfinite
 from typing import Any
 
 import numpy as np
-from fbql_behaviors.core.curve_svg import curve_svg
 from fbql_behaviors.core.explanation import Rule, rules
 from fbql_behaviors.core.observation import Feature
-from fbql_behaviors.core.partition_svg import COLOURS, OPACITY, partition_svg
 from fbql_behaviors.core.patterns import Patterns
 from fbql_behaviors.core.quantizer import rad_s_of
 from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.drawing.colours import COLOURS, OPACITY
+from fbql_behaviors.drawing.curve import curve_svg
+from fbql_behaviors.drawing.partition import partition_svg
 from fbql_behaviors.storage import tree_to_bytes
 
 from fbql.cli.words import counted

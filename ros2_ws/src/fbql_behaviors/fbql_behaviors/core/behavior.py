@@ -1,4 +1,4 @@
-"""A behavior at work: an observation and a tree that answer every world state with a reference."""
+"""A behavior: an observation and a tree that answer every world state with a reference."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from fbql_behaviors.core.tree import Tree
 class Behavior:
     """B_i: answers a world state with the reference of the leaf that its observation falls into.
 
-    An observation outside of the tree's root region is answered by the leaf at the region's edge and reported as
-    `clamped`; `clamped_count` counts them.
+    An observation outside the tree's root region is answered by the leaf at its edge, with `clamped` set;
+    `clamped_count` counts such answers.
     """
 
     def __init__(self, name: str, tree: Tree, observation: Observation | None = None) -> None:
-        """`observation` is the registered one of the tree's behavior unless given.
+        """`observation` defaults to the registered one of the tree's behavior.
 
         Raises BadInput when tree and observation have different features.
         """
@@ -41,19 +41,7 @@ class Behavior:
         if clamped:
             self._count_clamped(observation)
         leaf_id, left, right = self._answer(observation)
-        values = (
-            world.stamp_ns,
-            world.episode,
-            world.step,
-            self.name,
-            left,
-            right,
-            leaf_id,
-            self._leaf_count,
-            self._hash,
-            clamped,
-            observation,
-        )
+        values = (*world[:3], self.name, left, right, leaf_id, self._leaf_count, self._hash, clamped, observation)
         return made_of(BehaviorOutput, values)
 
     def _count_clamped(self, observation: tuple[float, ...]) -> None:
@@ -66,12 +54,12 @@ class Behavior:
 
 
 def check_features(tree: Tree, observation: Observation) -> None:
-    """Raises BadInput when a tree's features are not those of an observation, in order, with the same units."""
+    """Raises BadInput unless a tree has the features of an observation, in order, with the same units."""
     expected = [(feature.name, feature.unit) for feature in observation.features]
-    found = [(feature.name, feature.unit) for feature in tree.features]
-    if found != expected:
-        raise BadInput(f"features are {_worded(found)}; behavior '{tree.behavior}' senses {_worded(expected)}")
+    actual = [(feature.name, feature.unit) for feature in tree.features]
+    if actual != expected:
+        raise BadInput(f"features are {_list(actual)}; behavior '{tree.behavior}' senses {_list(expected)}")
 
 
-def _worded(features: list[tuple[str, str]]) -> str:
+def _list(features: list[tuple[str, str]]) -> str:
     return ", ".join(f"{name} [{unit}]" for name, unit in features)

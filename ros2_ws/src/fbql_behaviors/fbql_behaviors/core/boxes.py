@@ -1,14 +1,13 @@
-"""Every non-empty box that half-splits can make of the root region, with its patterns' entropy and its splits.
+"""Every non-empty box that half-splits can make of the root region, with the entropy of its patterns and its splits.
 
-The same box is reached by many orders of splitting, so it is kept once. A box has a level per feature (how often that
+Many orders of splitting lead to the same box, so each box is stored once. A box has a level per feature (how often that
 feature was halved) and an index per feature; boxes of equal levels form a grid. Only grids that the smallest range allows
 exist, and of a grid only the boxes that hold patterns.
 
-The tables are flat: box b, feature i. They are computed grid by grid with NumPy, which costs a few milliseconds for 1000
-patterns and grows nearly linearly, because patterns of one finest cell and one class are merged first.
+The tables are flat: box b, feature i. They are computed grid by grid with NumPy, which takes a few milliseconds for 1000
+patterns and grows nearly linearly, because patterns of the same finest cell and class are merged first.
 
-Sums of entropies are rounded to 12 digits: NumPy's sums may differ in the last bit from one processor to another, and a tree
-must not.
+Sums of entropies are rounded to 12 digits: NumPy's sums may differ in the last bit between processors, and a tree must not.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ Floats = npt.NDArray[np.float64]
 
 MAX_GRIDS = 4096
 MAX_HALVINGS = 50
-"""Halvings of all features together: a cell and a class have to fit a 64-bit number."""
+"""Limit of the halvings of all features together: a cell and a class must fit a 64-bit number."""
 
 
 @dataclass(frozen=True)
@@ -54,19 +53,19 @@ class Boxes:
 
 
 def edge(low: float, high: float, share: float) -> float:
-    """The place at a share of a range; the one formula, so that cells and thresholds agree to the last bit."""
+    """The point at a share of a range; cells and thresholds both use it, so they agree to the last bit."""
     return low + (high - low) * share
 
 
 def find_boxes(patterns: Patterns, halvings: tuple[int, ...]) -> Boxes:
     """The boxes of the patterns when feature i can be halved `halvings[i]` times.
 
-    A pattern outside of the root region counts as lying at its edge. Raises BadInput when there would be too many grids.
+    A pattern outside the root region counts as lying at its edge. Raises BadInput when there would be too many grids.
     """
     if np.prod([h + 1.0 for h in halvings]) > MAX_GRIDS or sum(halvings) > MAX_HALVINGS:
         raise BadInput(f"half-splits down to {halvings} halvings make too many regions; raise min_range")
     cells = _finest_cells(patterns, halvings)
-    cells, classes, weight = _merged(cells, patterns.wheel_class, halvings)
+    cells, classes, weight = _merge(cells, patterns.wheel_class, halvings)
     n_classes = int(classes.max()) + 1
     k_ln_k = _k_ln_k(weight)
 
@@ -117,8 +116,8 @@ def _finest_cells(patterns: Patterns, halvings: tuple[int, ...]) -> Ints:
     return np.stack(columns, axis=1)
 
 
-def _merged(cells: Ints, classes: Ints, halvings: tuple[int, ...]) -> tuple[Ints, Ints, Ints]:
-    """Patterns of one cell and one class as one row with their number; classes numbered from 0."""
+def _merge(cells: Ints, classes: Ints, halvings: tuple[int, ...]) -> tuple[Ints, Ints, Ints]:
+    """One row for all patterns of a cell and class, with their number; classes are renumbered from 0."""
     _, dense = np.unique(classes, return_inverse=True)
     n_classes = int(dense.max()) + 1
     keys, weight = np.unique(_key(cells, halvings) * n_classes + dense, return_counts=True)
@@ -141,8 +140,8 @@ def _unkey(key: Ints, halvings: tuple[int, ...]) -> Ints:
 
 
 def _look_up(keys: Ints, start: int, wanted: Ints) -> Ints:
-    found = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return np.where(keys[found] == wanted, found + start, -1)
+    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where(keys[place] == wanted, place + start, -1)
 
 
 def _k_ln_k(weight: Ints) -> Floats:

@@ -1,7 +1,6 @@
 """Equations 1-4 of the paper, one pure function each.
 
-They take and return plain floats or NumPy arrays alike, so that the slow literal tests and the fast induction use the
-same lines.
+They accept floats and NumPy arrays alike, so that the slow literal tests and the fast induction share the same code.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
-"""How well a tree drives like its instructor, before it plays: the error of its wheel velocities on patterns.
+"""How closely a tree imitates its instructor: the error of its wheel velocities on patterns.
 
-Class error says little here: with 841 classes a neighbouring class is a miss, and even the best trees miss three in four.
+The class error says little here: with 841 classes a neighbouring class is a miss, and even the best trees miss three in
+four.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ def held_out_rmse(behavior: str, patterns: Patterns, parameters: InductionParame
 
 
 def cross_validated_rmse(patterns: Patterns, make: Callable[[Patterns], Tree]) -> float | None:
-    """The error [levels] on demonstrations that a tree has not seen: cross-validated in `FOLDS` folds.
+    """The error [levels] on held-out demonstrations, cross-validated in `FOLDS` folds.
 
-    `make` makes the tree of the patterns that it is given. Demonstration k is held out in fold k mod FOLDS, whole, since its
-    patterns resemble each other. None when there are not two demonstrations.
+    `make` induces a tree from patterns. Demonstration k is held out as a whole, in fold k mod FOLDS, since its patterns
+    resemble each other. None with fewer than two demonstrations.
     """
     numbers = np.unique(patterns.demonstration)
     if len(numbers) < 2:

@@ -1,8 +1,8 @@
-"""What a behavior practises: rewards, ends and costs of episodes, as pure functions of world states.
+"""Exercises for leaf tuning: rewards, ends and costs of an attempt, as pure functions of world states.
 
-Rewards are counted in steps. They pay for progress, not only for arriving, so that every leaf on the way learns whether
-it helps: summed over an episode they are minus the steps lost against driving at full speed. An `Environment` is whatever
-can be reset and stepped; whoever composes a program brings it.
+Rewards are in steps. They pay for progress, not only for arriving, so that every leaf on the way learns whether it helps:
+their sum over an attempt is minus the steps lost compared with driving at full speed. An `Environment` is anything that
+can be reset and stepped; the caller provides it.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from fbql_behaviors.core.tree import Tree
 
 FULL_SPEED_M_S = MAX_WHEEL_RAD_S * WHEEL_RADIUS_M
 TOUCH_M = hypot(ROBOT_SIDE_M / 2, ROBOT_SIDE_M / 2) + BALL_RADIUS_M
-"""Distance of the ball from the robot's centre at which the robot, whichever way it stands, may touch it [m]."""
+"""Distance of the ball from the robot's centre at which the robot may touch it, whatever its heading [m]."""
 FACING_STEPS = 12.0
-"""What facing the ball better by a radian is worth [steps]: turning by it takes about so long."""
+"""Reward of facing the ball better by a radian [steps]: turning by a radian takes about as long."""
 NEAR_WALL_M = 0.2
-"""Distance up to which getting away from a wall is progress [m]."""
+"""Distance below which moving away from a wall is progress [m]."""
 CONTACT_STEPS = 10.0
 """Cost of a step in contact with a wall [steps]."""
 TAKE_OVER_M = 0.1
-"""Distance to a wall below which wall avoiding drives in the wandering exercise [m]."""
+"""Distance to a wall below which wall avoiding drives in its exercise [m]."""
 WANDER_RAD_S = 60.0
-"""Wheel velocity of the blind driver in the wandering exercise [rad/s]: as fast as the behaviors drive."""
+"""Wheel velocity of the blind driver [rad/s]: as fast as the behaviors drive."""
 BEHIND_M = 0.15
 """Distance of the ball below which the robot may stand behind it [m]: just off the detour."""
 BEHIND_RAD = 0.3
-"""|psi| below which it then does, in line with the goal [rad]."""
+"""|psi| below which it stands in line with the goal [rad]."""
 AHEAD_RAD = 0.3
 """|bearing| below which the robot has the ball ahead [rad]."""
 OWN_GOAL_STEPS = 300.0
@@ -47,10 +47,10 @@ Command = tuple[float, float]
 
 
 class Environment(Protocol):
-    """A world to practise in."""
+    """A world to practise in, such as the simulator."""
 
     def reset(self, seed: int) -> World:
-        """Begins an episode; the seed decides where, and every disturbance."""
+        """Begins an episode; the seed decides the start and every disturbance."""
         ...
 
     def step(self, left_rad_s: float, right_rad_s: float, /) -> World:
@@ -58,8 +58,8 @@ class Environment(Protocol):
         ...
 
 
-class Episode(NamedTuple):
-    """One episode, driven to its end."""
+class Attempt(NamedTuple):
+    """One episode of an exercise, driven to its end."""
 
     steps: int
     arrived: bool
@@ -70,24 +70,24 @@ class Episode(NamedTuple):
 
 @dataclass(frozen=True)
 class Exercise:
-    """What a behavior practises, and how it is measured."""
+    """What a behavior practises, and how its trees are compared."""
 
     reward: Callable[[World, World, float], float]
     """The reward of going from a world to the next one [steps], given the duration of a step [s]."""
     arrived: Callable[[World], bool]
-    """Whether the episode has come to its end: nothing follows."""
+    """Whether the attempt has reached its end: its value is then 0."""
     max_steps: int
-    """Steps after which an episode is truncated: it would have gone on."""
-    cost: Callable[[Episode], float]
-    """What an episode cost; the less the better. A tree's measure is the mean over episodes."""
+    """Steps after which an attempt is truncated."""
+    cost: Callable[[Attempt], float]
+    """Cost of an attempt, lower is better. A tree's measure is the mean over attempts."""
     measure: str
-    """What that mean is, with its unit."""
+    """Name of that mean, with its unit."""
     other_driver: Callable[[World], Command | None]
-    """What somebody else commands where the behavior does not drive; None where it does."""
+    """The command where the behavior does not drive; None where it does."""
 
 
 def ball_seeking_reward(world: World, next_world: World, dt_s: float) -> float:
-    """Distance to the ball gained, in steps at full speed, and bearing gained, less the step itself."""
+    """Progress in distance to the ball, in steps at full speed, and in bearing, less the step itself."""
     distance_m, bearing_rad = ball_distance_and_bearing(world)
     next_distance_m, next_bearing_rad = ball_distance_and_bearing(next_world)
     return (
@@ -98,12 +98,12 @@ def ball_seeking_reward(world: World, next_world: World, dt_s: float) -> float:
 
 
 def reaches_ball(world: World) -> bool:
-    """Whether the ball is so near that the robot may touch it."""
+    """Whether the ball is near enough for the robot to touch it."""
     return ball_distance_and_bearing(world)[0] <= TOUCH_M
 
 
 def wall_avoiding_reward(world: World, next_world: World, dt_s: float) -> float:
-    """Way driven and, near a wall, distance from it gained, in steps at full speed, less the cost of contact."""
+    """Distance driven and, near a wall, distance gained from it, in steps at full speed, less the cost of contact."""
     way_m = hypot(next_world.robot_x_m - world.robot_x_m, next_world.robot_y_m - world.robot_y_m)
     distance_m = min(wall_distance_and_bearing(world)[0], NEAR_WALL_M)
     next_distance_m = min(wall_distance_and_bearing(next_world)[0], NEAR_WALL_M)
@@ -111,17 +111,17 @@ def wall_avoiding_reward(world: World, next_world: World, dt_s: float) -> float:
 
 
 def blind_driver(world: World) -> Command | None:
-    """Drives straight on at full tilt until a wall is near: there wall avoiding has to take over, as in a match."""
+    """Drives straight on until a wall is near, where wall avoiding has to take over, as in a match."""
     if wall_distance_and_bearing(world)[0] < TAKE_OVER_M:
         return None
     return WANDER_RAD_S, WANDER_RAD_S
 
 
 def way_behind_ball(distance_m: float, psi_rad: float) -> float:
-    """The shortest way [m] to the place behind the ball, which is `DETOUR_RADIUS_M` from it, round a circle of that radius.
+    """The shortest path [m] to the place behind the ball, `DETOUR_RADIUS_M` from it, round a circle of that radius.
 
-    From where the circle hides the place the way is the tangent to the circle, on which psi turns by
-    acos(radius / distance), and an arc by what is left of psi. From inside of the circle it is out, and the arc.
+    Where the circle hides the place, the path is the tangent to the circle, on which psi turns by acos(radius / distance),
+    and an arc for the rest of psi. From inside the circle it leads straight out, then along the arc.
     """
     radius_m, psi_rad = DETOUR_RADIUS_M, abs(psi_rad)
     if distance_m <= radius_m:
@@ -133,7 +133,7 @@ def way_behind_ball(distance_m: float, psi_rad: float) -> float:
 
 
 def approaching_reward(world: World, next_world: World, dt_s: float) -> float:
-    """Way behind the ball gained, in steps at full speed, less the step itself and the cost of an own goal."""
+    """Progress on the way behind the ball, in steps at full speed, less the step itself and the cost of an own goal."""
     gained_m = _way_behind_ball(world) - _way_behind_ball(next_world)
     return gained_m / (FULL_SPEED_M_S * dt_s) - 1.0 - OWN_GOAL_STEPS * next_world.own_goal
 
@@ -143,46 +143,43 @@ def _way_behind_ball(world: World) -> float:
 
 
 def stands_behind_ball(world: World) -> bool:
-    """Whether the robot stands behind the ball, in line with the goal, and has it ahead; or the ball is in already."""
+    """Whether the robot stands behind the ball, in line with the goal and facing it; or has scored already."""
     distance_m, bearing_rad = ball_distance_and_bearing(world)
     is_there = distance_m < BEHIND_M and abs(approach_angle(world)) < BEHIND_RAD and abs(bearing_rad) < AHEAD_RAD
     return is_there or world.goal
 
 
-def _never(_: World) -> bool:
-    return False
+def steps_to_arrive(max_steps: int) -> Callable[[Attempt], float]:
+    """The cost of an attempt that should arrive: its steps, or `max_steps` when it did not."""
+    return lambda attempt: float(attempt.steps if attempt.arrived else max_steps)
 
 
-def _nobody(_: World) -> None:
-    return None
-
-
-def steps_to_arrive(max_steps: int) -> Callable[[Episode], float]:
-    """The cost of an episode that should arrive: its steps, and as many as there may be when it did not."""
-    return lambda episode: float(episode.steps if episode.arrived else max_steps)
-
-
-def contact_per_1000_steps(episode: Episode) -> float:
-    """The cost of an episode that should not touch a wall."""
-    return 1000.0 * episode.collision_steps / episode.steps
+def contact_per_1000_steps(attempt: Attempt) -> float:
+    """The cost of an attempt that should not touch a wall."""
+    return 1000.0 * attempt.collision_steps / attempt.steps
 
 
 EXERCISES: dict[str, Exercise] = {
     "ball_seeking": Exercise(
-        ball_seeking_reward, reaches_ball, 600, steps_to_arrive(600), "steps to the ball", _nobody
+        ball_seeking_reward, reaches_ball, 600, steps_to_arrive(600), "steps to the ball", lambda _: None
     ),
     "wall_avoiding": Exercise(
-        wall_avoiding_reward, _never, 1000, contact_per_1000_steps, "contact steps per 1000 steps", blind_driver
+        wall_avoiding_reward,
+        lambda _: False,
+        1000,
+        contact_per_1000_steps,
+        "contact steps per 1000 steps",
+        blind_driver,
     ),
     "approaching": Exercise(
-        approaching_reward, stands_behind_ball, 600, steps_to_arrive(600), "steps until behind the ball", _nobody
+        approaching_reward, stands_behind_ball, 600, steps_to_arrive(600), "steps until behind the ball", lambda _: None
     ),
 }
-"""Behavior name -> what it practises."""
+"""Behavior name -> its exercise."""
 
 
 def exercise_of(behavior: str) -> Exercise:
-    """The exercise of a behavior. Raises BadInput, naming those that have one, when there is none."""
+    """The exercise of a behavior. Raises BadInput, listing the behaviors that have one, when there is none."""
     try:
         return EXERCISES[behavior]
     except KeyError:
@@ -191,8 +188,8 @@ def exercise_of(behavior: str) -> Exercise:
         ) from None
 
 
-def drive(tree: Tree, exercise: Exercise, environment: Environment, seed: int) -> Episode:
-    """Drives one episode by a tree as it is."""
+def drive(tree: Tree, exercise: Exercise, environment: Environment, seed: int) -> Attempt:
+    """Drives one episode with a tree, without learning."""
     sense = observation_of(tree.behavior).sense
     world = environment.reset(seed)
     steps = collisions_begun = collision_steps = 0
@@ -207,9 +204,9 @@ def drive(tree: Tree, exercise: Exercise, environment: Environment, seed: int) -
         travelled_m += hypot(next_world.robot_x_m - world.robot_x_m, next_world.robot_y_m - world.robot_y_m)
         world = next_world
         arrived = exercise.arrived(world)
-    return Episode(steps, arrived, collisions_begun, collision_steps, travelled_m)
+    return Attempt(steps, arrived, collisions_begun, collision_steps, travelled_m)
 
 
-def measured(episodes: Sequence[Episode], exercise: Exercise) -> float:
-    """The measure of a tree: the mean cost of its episodes."""
-    return sum(exercise.cost(episode) for episode in episodes) / len(episodes)
+def mean_cost(attempts: Sequence[Attempt], exercise: Exercise) -> float:
+    """The measure of a tree: the mean cost of its attempts."""
+    return sum(map(exercise.cost, attempts)) / len(attempts)

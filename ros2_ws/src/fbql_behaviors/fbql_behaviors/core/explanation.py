@@ -1,11 +1,10 @@
 """A tree in words: where each leaf lies and what it does.
 
-A leaf's region is a box, so its rule names each feature once, however often the way down the tree halved it; a feature
-that the tree leaves whole there is not named. `rules` looks at the whole tree once. Who explains every step keeps what it
-gives: the rule of a step is then `rules[leaf_id]`.
+A leaf's region is a box, so its rule names each feature once, however often the path to the leaf split it; a feature that
+the path never splits is not named. To explain every step, call `rules` once: the rule of a step is `rules(tree)[leaf_id]`.
 
-Names make the words: `NAME_distance` [m] is how far NAME is, `NAME_bearing` and `NAME_heading_error` [rad] say on which side
-it lies (left is positive). Any other angle is told in degrees, anything else in its own unit.
+The wording follows from the features' names: `NAME_distance` [m] is the distance of NAME, `NAME_bearing` and
+`NAME_heading_error` [rad] are its side (left is positive). Any other angle is given in degrees, anything else in its unit.
 """
 
 from __future__ import annotations
@@ -22,15 +21,15 @@ from fbql_behaviors.core.quantizer import LEVEL_RAD_S
 from fbql_behaviors.core.tree import Leaf, Region, Tree
 
 STRAIGHT = 0.05
-"""Turning part of the wheels' velocities, as a share of the forward part, up to which a motion counts as straight."""
+"""Largest turning part of the wheel velocities, as a share of the forward part, that counts as straight."""
 SLOW, FAST = MAX_WHEEL_RAD_S / 3, MAX_WHEEL_RAD_S * 2 / 3
-"""Velocity of the faster wheel below which a motion is slow, and from which on it is fast [rad/s]."""
+"""The motion is slow below the first and fast from the second velocity of the faster wheel on [rad/s]."""
 SUBJECTS = {"approach_angle": "ball-to-goal line"}
-"""What an angle is the direction of, where its name does not tell."""
+"""The subject of an angle whose name does not contain it."""
 
 
 class Motion(Enum):
-    """What a pair of wheel velocities does, in words. Turning left is counter-clockwise, backwards too."""
+    """What a pair of wheel velocities does. Turning left is counter-clockwise, also when driving backwards."""
 
     STAND = "standing still"
     FORWARDS = "forwards"
@@ -48,10 +47,10 @@ class Rule(NamedTuple):
 
     leaf_id: int
     conditions: tuple[str, ...]
-    """Where: one for each feature that is restricted, in their order; none when the leaf is the whole tree."""
+    """One text for each restricted feature, in their order; none when the leaf is the whole tree."""
     motion: Motion
     speed: str
-    """slow, fast, or nothing."""
+    """slow, fast, or empty."""
     leaf: Leaf
 
     @property
@@ -81,26 +80,26 @@ def rules(tree: Tree) -> tuple[Rule, ...]:
 
 
 def explained(tree: Tree) -> str:
-    """The whole tree: a rule a line, after its leaf_id."""
+    """The whole tree: one line per leaf, with its leaf_id and rule."""
     width = len(str(tree.leaf_count - 1))
     return "\n".join(f"leaf {rule.leaf_id:>{width}}: {rule.sentence}" for rule in rules(tree))
 
 
 def conditions(features: tuple[Feature, ...], region: Region) -> tuple[str, ...]:
-    """A region in words: one text for each feature of which it is a part."""
-    found: list[str] = []
+    """A region in words: one text for each feature that it restricts."""
+    texts: list[str] = []
     last = ""
     for feature, (low, high) in zip(features, region, strict=True):
         if (low, high) == (feature.low, feature.high):
             continue
         subject, words = condition(feature, low, high)
-        found.append(words if subject and subject == last else f"{subject} {words}".strip())
+        texts.append(words if subject and subject == last else f"{subject} {words}".strip())
         last = subject
-    return tuple(found)
+    return tuple(texts)
 
 
 def condition(feature: Feature, low: float, high: float) -> tuple[str, str]:
-    """A part [low, high) of a feature's range in words: who is meant, and where it is."""
+    """A part [low, high) of a feature's range in words: the subject, and where it is."""
     subject, kind = _subject_and_kind(feature)
     if kind == "distance":
         return subject, _distance(feature, low, high)
@@ -112,15 +111,15 @@ def condition(feature: Feature, low: float, high: float) -> tuple[str, str]:
 
 
 def is_direction(feature: Feature) -> bool:
-    """Whether a feature is told as a direction: so many degrees to the left or to the right."""
+    """Whether a feature is worded as a direction: degrees to the left or to the right."""
     return _subject_and_kind(feature)[1] == "direction"
 
 
 def motion_of(left_rad_s: float, right_rad_s: float) -> Motion:
     """What a pair of wheel velocities does.
 
-    On the spot: the wheels turn against each other, so that the robot turns about a point between them. Straight: the
-    turning part is at most a twentieth of the forward part, which is a circle of 70 cm and more.
+    On the spot: the wheels turn against each other, so the robot turns about a point between them. Straight: the turning
+    part is at most a twentieth of the forward part, a circle of at least 70 cm radius.
     """
     if max(abs(left_rad_s), abs(right_rad_s)) < LEVEL_RAD_S / 2:
         return Motion.STAND
@@ -135,7 +134,7 @@ def motion_of(left_rad_s: float, right_rad_s: float) -> Motion:
 
 
 def speed_of(left_rad_s: float, right_rad_s: float) -> str:
-    """slow, fast, or nothing for what lies between and for standing still: by the faster wheel."""
+    """slow, fast, or empty for a speed between them and for standing still: by the faster wheel."""
     fastest = max(abs(left_rad_s), abs(right_rad_s))
     if fastest >= FAST:
         return "fast"
@@ -143,9 +142,9 @@ def speed_of(left_rad_s: float, right_rad_s: float) -> str:
 
 
 def rounded(values: Iterable[float], width: float) -> list[str]:
-    """Numbers in as few digits as tell the ends of an interval of this width apart, and at most one digit more."""
+    """Numbers with just enough digits, or one more, to tell the ends of an interval of this width apart."""
     digits = max(1, 1 - floor(log10(width)))
-    # away from a tie, so that 11.25 and 33.75, which are seldom exact, are both rounded up
+    # moved off a tie, so that 11.25 and 33.75, which are rarely exact, are both rounded up
     texts = [f"{value * (1.0 + 1e-12):.{digits}f}".rstrip("0").rstrip(".") for value in values]
     return ["0" if text == "-0" else text for text in texts]
 
@@ -181,7 +180,7 @@ def _interval(unit: str, low: float, high: float, low_open: bool, high_open: boo
 
 
 def _direction(feature: Feature, low: float, high: float) -> str:
-    """Degrees, left positive, in words; the range of the feature is the same to both sides."""
+    """Degrees, left positive, in words; the feature's range is symmetric."""
     if high <= 0.0:
         return _side(-high, -low, degrees(-feature.low), "right")
     if low >= 0.0:

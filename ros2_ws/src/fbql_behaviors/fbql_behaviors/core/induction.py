@@ -1,12 +1,13 @@
 """RL-based decision tree induction (section II.A.1): learning, and exact dynamic programming over the same boxes.
 
-State: a box s(phi). Actions: no split, and a half-split along each feature. A split is offered when none of the paper's
-four stop criteria forbids it: the halves would be narrower than `min_range`; the box holds fewer than `min_patterns`; a half
-would hold fewer than `min_half_patterns`, by default none (judged per action); the entropy is at most `max_entropy`.
+State: a box s(phi). Actions: no split, and a half-split along each feature. A split is offered unless one of the paper's
+four stop criteria forbids it: the halves would be narrower than `min_range`; the box holds fewer patterns than
+`min_patterns`; a half would hold fewer than `min_half_patterns` (checked per action; by default, none); the entropy is at
+most `max_entropy`.
 
-Two objectives (docs/deviations.md): `printed` is eqs. 1-4 as printed. `weighted` counts a box's gain by its share of all
-patterns and adds the children's values instead of averaging them, so that with discount 1 the value of a tree is the entropy
-it removes minus its splits' cost. Both methods maximise the same values; `dp` does it exactly, `rl` by trials.
+Two objectives (docs/deviations.md): `printed` is eqs. 1-4 as printed. `weighted` multiplies a box's gain by its share of
+all patterns and adds the children's values instead of averaging them, so that with discount 1 the value of a tree is the
+entropy it removes minus the cost of its splits. Both methods maximise the same values; `dp` does it exactly, `rl` by trials.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ UNIFORM_BLOCK = 4096
 
 @dataclass(frozen=True)
 class InductionParameters:
-    """The choices of an induction."""
+    """How a tree is induced."""
 
     method: str = parameter("rl", "how values are found: by trials, or exactly", choices=("rl", "dp"))
     objective: str = parameter("weighted", "what a tree is worth", choices=("printed", "weighted"))
@@ -66,12 +67,12 @@ class Option(NamedTuple):
 
 
 class Values(NamedTuple):
-    """What a method found out."""
+    """The outcome of a method."""
 
     split: list[int]
     """The best split of each box, as the feature; NO_SPLIT: a leaf."""
     values: list[float]
-    """The value of each box, max Q; the root's is the first. With dp exact, with rl as learned so far."""
+    """The value of each box, max Q; the root comes first. Exact with dp, as learned so far with rl."""
     curve: list[float]
     """The root's value after each trial; empty for dp."""
 
@@ -90,31 +91,31 @@ class Induced(NamedTuple):
 
 
 def induce(behavior: str, patterns: Patterns, parameters: InductionParameters, seed: int) -> Induced:
-    """A tree from patterns. All chance of the rl method is from `seed`.
+    """Induces a tree from patterns. The rl method draws all its randomness from `seed`.
 
-    Leaves hold the mean wheel velocities of their patterns' classes [rad/s]. The tree's origin tells the parameters and the
+    Leaves hold the mean wheel velocities of their patterns' classes [rad/s]. The tree's origin records the parameters and the
     patterns' SHA-256. Raises BadInput for parameters out of range.
     """
     check(parameters, "induction")
     boxes = find_boxes(patterns, (_halvings(parameters.min_range),) * len(patterns.features))
     if parameters.method == "dp":
-        found = plan(boxes, parameters)
+        values = plan(boxes, parameters)
     else:
-        found = learn(boxes, parameters, np.random.default_rng(seed))
-    nodes, leaves = _grow(boxes, found.split, patterns)
-    origin = {**_told(parameters), "seed": seed, "patterns": len(patterns), "patterns_sha256": patterns.sha256}
-    return Induced(Tree(behavior, patterns.features, nodes, leaves, origin), found.value, found.curve)
+        values = learn(boxes, parameters, np.random.default_rng(seed))
+    nodes, leaves = _grow(boxes, values.split, patterns)
+    origin = {**_origin(parameters), "seed": seed, "patterns": len(patterns), "patterns_sha256": patterns.sha256}
+    return Induced(Tree(behavior, patterns.features, nodes, leaves, origin), values.value, values.curve)
 
 
-def _told(parameters: InductionParameters) -> dict[str, Any]:
-    """What a tree's origin tells of the parameters.
+def _origin(parameters: InductionParameters) -> dict[str, Any]:
+    """The parameters as a tree's origin records them.
 
-    `min_half_patterns` came later: where it forbids nothing it is left out, so that a tree's hash stays what it was.
+    `min_half_patterns` was added later: it is left out where it forbids nothing, so that the hashes of older trees hold.
     """
-    told = asdict(parameters)
+    origin = asdict(parameters)
     if parameters.min_half_patterns == 1:
-        del told["min_half_patterns"]
-    return told
+        del origin["min_half_patterns"]
+    return origin
 
 
 def plan(boxes: Boxes, parameters: InductionParameters) -> Values:
@@ -137,14 +138,15 @@ def plan(boxes: Boxes, parameters: InductionParameters) -> Values:
 def learn(boxes: Boxes, parameters: InductionParameters, rng: np.random.Generator) -> Values:
     """Q-learning by trials: each grows a tree from the root by epsilon-greedy actions and updates Q by eq. 4.
 
-    A trial's updates run from its last visited box to the root, so that a box learns from its children's newest values.
-    The no-split action is terminal and earns 0: its Q is known and stays 0. A split not yet tried is worth a share of the
-    entropy that is there to be removed: such hopes, not chance, make the trials explore where there is something to gain.
+    A trial's updates run from the last box it visited back to the root, so that a box learns from its children's newest
+    values. The no-split action is terminal and earns 0, so its Q stays 0. Initial values are optimistic (Sutton and Barto
+    2018, section 2.6): an untried split is worth a share of the entropy left to remove, so that trials explore where there
+    is something to gain.
     """
     reward, offered = split_rewards(boxes, parameters)
     options = _options(boxes, reward, offered)
-    hopes = (parameters.optimism * boxes.entropy * gain_weight(boxes, parameters)).tolist()
-    q = [[hope] * len(available) for hope, available in zip(hopes, options, strict=True)]
+    initial = (parameters.optimism * boxes.entropy * gain_weight(boxes, parameters)).tolist()
+    q = [[value] * len(available) for value, available in zip(initial, options, strict=True)]
     best = [max(0.0, *values) if values else 0.0 for values in q]
     update = q_update if parameters.update == "converging" else q_update_printed
     share, discount, alpha = children_share(parameters), parameters.discount, parameters.learning_rate
@@ -196,14 +198,14 @@ def split_rewards(
 
 
 def gain_weight(boxes: Boxes, parameters: InductionParameters) -> npt.NDArray[np.float64]:
-    """What a box's gain counts [b]: 1 as printed, or the box's share of all patterns."""
+    """The weight of each box's gain [b]: 1 as printed, or the box's share of all patterns."""
     if parameters.objective == "printed":
         return np.ones(len(boxes))
     return boxes.count / boxes.count[0]
 
 
 def children_share(parameters: InductionParameters) -> float:
-    """What the children's values count: a half each as printed, whole with the weighted objective."""
+    """The weight of the children's values: a half each as printed, 1 with the weighted objective."""
     return 0.5 if parameters.objective == "printed" else 1.0
 
 
@@ -266,7 +268,7 @@ def _grow(boxes: Boxes, split: list[int], patterns: Patterns) -> tuple[tuple[Nod
         middle = (2 * int(boxes.index[box, column]) + 1) / halves
         threshold = edge(feature.low, feature.high, middle)
         goes_left = patterns.x[rows, column] < threshold
-        nodes.append(0)  # its place comes before its children's
+        nodes.append(0)  # reserves the place before its children
         left = grow(int(boxes.left[box, column]), rows[goes_left])
         right = grow(int(boxes.right[box, column]), rows[~goes_left])
         nodes[place] = Split(column, threshold, left, right)
@@ -277,6 +279,6 @@ def _grow(boxes: Boxes, split: list[int], patterns: Patterns) -> tuple[tuple[Nod
 
 
 def _leaf(levels: npt.NDArray[np.int64]) -> Leaf:
-    """The mean of the quantized wheel velocities [n, 2] of a leaf's patterns; whole sums, so the same everywhere."""
+    """The mean of the quantized wheel levels [n, 2] of a leaf's patterns; sums of integers, so the same everywhere."""
     left, right = levels.sum(axis=0).tolist()
     return Leaf(rad_s_of(left / len(levels)), rad_s_of(right / len(levels)), len(levels))

@@ -1,8 +1,8 @@
 """Scripted instructors: laws that drive well, and a hand that drives like a person.
 
-A law maps what a behavior senses to wheel velocities [rad/s]. A `Hand` follows it as a person would: with a reaction lag,
-with an imprecision of its own in each demonstration, and with smooth noise. It is causal: a command depends on the
-observations so far and on the generator it was given.
+A law maps an observation to wheel velocities [rad/s]. A `Hand` follows a law as a person would: with a reaction lag, wheel
+gains that differ from one demonstration to the next, and smooth noise. It is causal: a command depends only on the
+observations so far and on the generator passed in.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from fbql_behaviors.core.observation import OBSERVATIONS, Law
 from fbql_behaviors.core.quantizer import LEVEL_RAD_S
 
 NEAR_WALL_M = 0.2
-"""Distance from which on the instructor minds a wall [m]."""
+"""Distance below which the instructor reacts to a wall [m]."""
 HEAD_ON_RAD = 1.3
-"""Bearing of a wall up to which the instructor backs out [rad]."""
+"""Bearing of a wall below which the instructor backs away [rad]."""
 
 
 def seek_ball(observation: Sequence[float]) -> tuple[float, float]:
-    """Turns to the ball and drives at it, the faster the better it is ahead."""
+    """Turns to the ball and drives at it, faster the more directly it is ahead."""
     _, bearing = observation
     return _steer(bearing, forward_rad_s=65.0)
 
 
 def avoid_wall(observation: Sequence[float]) -> tuple[float, float]:
-    """Backs out from a wall ahead while turning away, steers off a wall beside, drives off from a wall behind."""
+    """Backs away from a wall ahead while turning, steers away from one beside, drives away from one behind."""
     distance, bearing = observation
     if distance > NEAR_WALL_M:
         return 50.0, 50.0
@@ -47,7 +47,7 @@ def avoid_wall(observation: Sequence[float]) -> tuple[float, float]:
 
 
 def approach(observation: Sequence[float]) -> tuple[float, float]:
-    """Steers along the detour round the ball, and speeds up when the push will go at the goal (psi near 0)."""
+    """Steers along the detour round the ball; faster when the push will go towards the goal (psi near 0)."""
     error, psi = observation
     return _steer(error, forward_rad_s=50.0 + 20.0 * max(0.0, 1.0 - abs(psi) / 0.8))
 
@@ -60,7 +60,7 @@ def _steer(error_rad: float, forward_rad_s: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Habits:
-    """How a person drives."""
+    """The imperfections of a person's driving."""
 
     lag_steps: int = 2
     """Reaction lag [steps]."""
@@ -69,17 +69,17 @@ class Habits:
     noise_rad_s: float = 0.5 * LEVEL_RAD_S
     """Standard deviation of the noise on each wheel [rad/s]."""
     smoothness: float = 0.9
-    """Share of the noise that lasts until the next step [1]."""
+    """Share of the noise carried over to the next step [1]."""
 
 
 INSTRUCTORS: dict[str, Law] = {"ball_seeking": seek_ball, "wall_avoiding": avoid_wall, "approaching": approach}
-"""Behavior name -> the law of its scripted instructor. A new behavior has it in its `Observation`."""
+"""Behavior name -> the law of its scripted instructor. A new behavior declares it in its `Observation`."""
 
 
 def instructor_of(behavior: str) -> Law:
-    """The law of a behavior's scripted instructor. Raises BadInput, naming the known ones, when there is none."""
-    own = OBSERVATIONS[behavior].instructor if behavior in OBSERVATIONS else None
-    law = own or INSTRUCTORS.get(behavior)
+    """The law of a behavior's scripted instructor. Raises BadInput, listing those that have one, when there is none."""
+    observation = OBSERVATIONS.get(behavior)
+    law = (observation.instructor if observation else None) or INSTRUCTORS.get(behavior)
     if law is None:
         raise BadInput(
             f"behavior '{behavior}' has no scripted instructor; there is one for: {', '.join(sorted(INSTRUCTORS))}"
@@ -88,7 +88,7 @@ def instructor_of(behavior: str) -> Law:
 
 
 class Hand:
-    """One demonstration's driver."""
+    """The driver of one demonstration."""
 
     def __init__(self, law: Law, habits: Habits, rng: np.random.Generator) -> None:
         self._law = law
@@ -99,7 +99,7 @@ class Hand:
         self._noise_left, self._noise_right = (habits.noise_rad_s * rng.standard_normal(2)).tolist()
 
     def command(self, observation: Sequence[float]) -> tuple[float, float]:
-        """Wheel velocities [rad/s] for the present observation; the law answers the one `lag_steps` ago, or the first."""
+        """Wheel velocities [rad/s]. The law answers the observation of `lag_steps` ago, or the first one."""
         self._seen.append(observation)
         left, right = self._law(self._seen[0])
         habits = self._habits

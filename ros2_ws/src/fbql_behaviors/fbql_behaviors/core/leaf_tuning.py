@@ -1,13 +1,14 @@
 """DT-based Q-learning (section II.A: "the outputs are adjusted slightly at each leaf node").
 
-The states are the leaves of a tree, the actions small whole changes of the two wheel levels of a leaf. A decision is made
-when the observation comes into another leaf, and holds until the next one: Q-learning on a semi-Markov decision process.
+The states are the leaves of a tree, the actions small integer changes of a leaf's two wheel levels. A decision is made when
+the observation enters another leaf, and holds until the next one: Q-learning on a semi-Markov decision process (Bradtke
+and Duff 1995).
 
     Q(c, a) <- Q(c, a) + alpha [R + gamma^k max_b Q(c', b) - Q(c, a)],   R = sum_{j<k} gamma^j r_j
 
 k is the number of steps from the decision in leaf c to the first decision, in leaf c', that is at least `credit_steps`
-later. With credit_steps = 1 that is the next decision. A robot stays for three steps in a leaf, and its wheels need more
-than that to follow: what a change does shows in the leaves after it.
+later. With credit_steps = 1 that is the next decision. A robot stays in a leaf for about three steps, but its wheels take
+longer to follow, so the effect of a change shows in the leaves after it.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from fbql_behaviors.core.quantizer import rad_s_of
 from fbql_behaviors.core.tree import Leaf, Tree
 
 Change = tuple[int, int]
-"""An action: what is added to the levels of the left and the right wheel."""
+"""An action: levels added to the left and the right wheel."""
 
 
 @dataclass(frozen=True)
@@ -49,35 +50,35 @@ class TuningParameters:
 
 
 TUNINGS = {"wall_avoiding": TuningParameters(episodes=400, discount=0.99)}
-"""Settings of the behaviors that need others: an exercise without an end has long episodes, and needs a discount."""
+"""Settings of behaviors that need their own: an exercise without an end has long episodes, and needs a discount."""
 
 
 def tuning_of(behavior: str) -> TuningParameters:
-    """The setting of a behavior; the general one for a behavior without its own."""
+    """The setting of a behavior; the default one if it has none of its own."""
     return TUNINGS.get(behavior, TuningParameters())
 
 
 class Tuned(NamedTuple):
-    """A tuned tree, and what it was learned from."""
+    """A tuned tree, and what was learned on the way."""
 
     tree: Tree
     leaves_changed: int
     q: tuple[tuple[float, ...], ...]
     """Q of every leaf and action [leaf_id][action], in the order of `changes_up_to`."""
     updates: tuple[tuple[int, ...], ...]
-    """How often each was updated."""
+    """Number of updates of each Q."""
     steps: int
-    """Steps that were driven."""
+    """Steps driven."""
 
 
 def changes_up_to(max_change: int) -> tuple[Change, ...]:
-    """The actions: no change first, so that it wins a tie."""
+    """The actions; no change comes first, so that it wins ties."""
     levels = range(-max_change, max_change + 1)
     return tuple(sorted(product(levels, levels), key=lambda change: (abs(change[0]) + abs(change[1]), change)))
 
 
 def changed(leaf: Leaf, change: Change) -> Leaf:
-    """A leaf whose levels are changed, no further than full wheel velocity."""
+    """A leaf with its levels changed, clipped to full wheel velocity."""
     left, right = (
         min(max(wheel_rad_s + rad_s_of(levels), -MAX_WHEEL_RAD_S), MAX_WHEEL_RAD_S)
         for wheel_rad_s, levels in zip(leaf[:2], change, strict=True)
@@ -97,8 +98,8 @@ def smdp_target(rewards: Sequence[float], discount: float, next_value: float) ->
     """R + gamma^k V(c'), k being the number of rewards.
 
     Args:
-        next_value: max_b Q(c', b); 0 where the episode has ended, for nothing follows. Where it was truncated it would have
-            gone on, so that the value of the leaf it was in counts.
+        next_value: max_b Q(c', b); 0 where the episode terminated. Where it was truncated, the value of the leaf it
+            was in.
     """
     return discounted_return(rewards, discount) + discount ** len(rewards) * next_value
 
@@ -109,7 +110,7 @@ def updated_q(q: float, target: float, learning_rate: float) -> float:
 
 
 def step_size(learning_rate: float, updates: int) -> float:
-    """alpha of the update number `updates`, from 1 on: 1 / updates, that is the plain mean, until the given rate."""
+    """alpha of update number `updates`, counted from 1: 1 / updates (the plain mean), but at least `learning_rate`."""
     return max(learning_rate, 1.0 / updates)
 
 
@@ -120,14 +121,14 @@ def epsilon_of(parameters: TuningParameters, episode: int) -> float:
 
 
 def greedy(q: Sequence[float]) -> int:
-    """The action of largest Q; the first one, which is nearest to no change, of equal ones."""
+    """The action of largest Q; ties go to the first, which is nearest to no change."""
     return max(range(len(q)), key=q.__getitem__)
 
 
 def chosen_changes(
     q: Sequence[Sequence[float]], updates: Sequence[Sequence[int]], changes: Sequence[Change], min_updates: int
 ) -> tuple[Change, ...]:
-    """The change of every leaf: that of largest Q among no change and those that were tried often enough."""
+    """The change of every leaf: the one of largest Q among no change and those tried at least `min_updates` times."""
     chosen: list[Change] = []
     for values, counts in zip(q, updates, strict=True):
         tried = [action for action, count in enumerate(counts) if action == 0 or count >= min_updates]
@@ -146,11 +147,11 @@ def tune(
 ) -> Tuned:
     """Tunes the leaves of a tree by practice.
 
-    The tuned tree is a tree of its own, whose origin tells the parameters, the seed and the hash of the tree it came from.
+    The tuned tree is a new tree, whose origin records the parameters, the seed and the hash of the tree it came from.
 
     Args:
         dt_s: duration of a step of the environment [s].
-        progress: called after every episode with the number of those driven.
+        progress: called after every episode with the number driven so far.
 
     Raises:
         BadInput: a parameter out of range, or a behavior without an observation.
@@ -187,7 +188,7 @@ class _Decision(NamedTuple):
 
 
 class _Practice:
-    """Q, and the episodes that it is learned in."""
+    """Q, and the episodes in which it is learned."""
 
     def __init__(
         self,

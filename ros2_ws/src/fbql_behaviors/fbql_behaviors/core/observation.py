@@ -1,24 +1,29 @@
 """What each behavior senses: pure functions from a world state to a few numbers.
 
 An `Observation` declares its features (name, unit, root region) beside the function, because the patterns, the tree and
-the tree file all depend on them. Angles are in [-pi, pi), so that the root region [low, high) holds every one of them.
-A new behavior brings its own, and nothing in the package changes: `fbql_behaviors.observation_loading` finds it.
+the tree file all depend on them. A new behavior brings its own, and nothing in this package changes:
+`fbql_behaviors.observation_loading` finds it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import asin, atan2, hypot, pi, remainder, tau
+from math import asin, atan2, hypot, pi
 from typing import NamedTuple
 
 from fbql_common.core.errors import BadInput
-from fbql_common.core.field import FIELD
+from fbql_common.core.geometry import (
+    approach_angle,
+    ball_distance_and_bearing,
+    wall_distance_and_bearing,
+    wrap_bearing,
+)
 from fbql_common.core.types import World
 
 Sense = Callable[[World], tuple[float, ...]]
 Law = Callable[[Sequence[float]], tuple[float, float]]
-"""What a scripted instructor does: from an observation to wheel velocities, left and right [rad/s]."""
+"""A scripted instructor: from an observation to wheel velocities, left and right [rad/s]."""
 
 
 class Feature(NamedTuple):
@@ -32,15 +37,15 @@ class Feature(NamedTuple):
 
 @dataclass(frozen=True)
 class Observation:
-    """The features of a behavior and the function that senses them, in the same order: all that a new behavior has to say."""
+    """The features of a behavior and the function that senses them, in the same order."""
 
     features: tuple[Feature, ...]
     sense: Sense
     instructor: Law | None = None
-    """Who can show the behavior, if it is not left to a person."""
+    """The law that demonstrates the behavior; None where only a person can."""
 
     def contains(self, observed: Sequence[float]) -> bool:
-        """Whether what was sensed lies inside of the root region: only there the behavior says what to do."""
+        """Whether an observation lies inside the root region, where the behavior is defined."""
         return all(feature.low <= value < feature.high for feature, value in zip(self.features, observed, strict=True))
 
 
@@ -54,34 +59,16 @@ DETOUR_GAIN = 2.5
 """How far the detour leads away from the ball for a small psi [1]; above 1, or psi never shrinks."""
 
 
-def ball_seeking(world: World) -> tuple[float, float]:
-    """Distance [m] and bearing [rad] of the ball (Fig. 6)."""
-    dx, dy = world.ball_x_m - world.robot_x_m, world.ball_y_m - world.robot_y_m
-    bearing = remainder(atan2(dy, dx) - world.robot_yaw_rad, tau)
-    return hypot(dx, dy), bearing if bearing < pi else -pi
-
-
-def wall_avoiding(world: World) -> tuple[float, float]:
-    """Distance [m] and bearing [rad] of the closest point of the walls (Fig. 7)."""
-    dx, dy = world.wall_x_m - world.robot_x_m, world.wall_y_m - world.robot_y_m
-    bearing = remainder(atan2(dy, dx) - world.robot_yaw_rad, tau)
-    return hypot(dx, dy), bearing if bearing < pi else -pi
-
-
 def approaching(world: World) -> tuple[float, float]:
     """Heading error towards the detour round the ball, and psi, the approach direction of Fig. 8 [rad].
 
-    psi is the angle from the line robot -> ball to the line ball -> goal; 0 means that driving at the ball pushes it at
-    the goal. While psi is not 0 the robot has to come round behind the ball: the detour leads off the line to the ball by
-    `DETOUR_GAIN * psi`, but no farther than the tangent to a circle round the ball (inside of the circle: beyond the
-    tangent, so that the robot gets out of it). The heading error is the bearing of that direction.
+    psi is the angle from the line robot -> ball to the line ball -> goal; at 0, driving at the ball pushes it towards the
+    goal. Otherwise the robot must first come round behind the ball: the detour leads off the line to the ball by
+    `DETOUR_GAIN * psi`, but no farther than the tangent to a circle round the ball (inside the circle: beyond the
+    tangent, so that the robot leaves it). The heading error is the bearing of that direction.
     """
     dx, dy = world.ball_x_m - world.robot_x_m, world.ball_y_m - world.robot_y_m
-    to_ball = atan2(dy, dx)
-    to_goal = atan2(-world.ball_y_m, FIELD.half_length_m - world.ball_x_m)
-    psi = remainder(to_goal - to_ball, tau)
-    if psi >= pi:
-        psi = -pi
+    psi = approach_angle(world)
     nearness = DETOUR_RADIUS_M / (hypot(dx, dy) + 1e-9)
     tangent = asin(nearness) if nearness < 1.0 else pi / 2 * min(nearness, 1.5)
     detour = DETOUR_GAIN * psi
@@ -89,34 +76,35 @@ def approaching(world: World) -> tuple[float, float]:
         detour = tangent
     elif detour < -tangent:
         detour = -tangent
-    error = remainder(to_ball - detour - world.robot_yaw_rad, tau)
-    return error if error < pi else -pi, psi
+    return wrap_bearing(atan2(dy, dx) - detour - world.robot_yaw_rad), psi
 
 
 _BEARING = (-pi, pi)
 
 OBSERVATIONS: dict[str, Observation] = {
     "ball_seeking": Observation(
-        (Feature("ball_distance", "m", 0.0, DISTANCE_M), Feature("ball_bearing", "rad", *_BEARING)), ball_seeking
+        (Feature("ball_distance", "m", 0.0, DISTANCE_M), Feature("ball_bearing", "rad", *_BEARING)),
+        ball_distance_and_bearing,
     ),
     "wall_avoiding": Observation(
-        (Feature("wall_distance", "m", 0.0, WALL_DISTANCE_M), Feature("wall_bearing", "rad", *_BEARING)), wall_avoiding
+        (Feature("wall_distance", "m", 0.0, WALL_DISTANCE_M), Feature("wall_bearing", "rad", *_BEARING)),
+        wall_distance_and_bearing,
     ),
     "approaching": Observation(
         (Feature("detour_heading_error", "rad", *_BEARING), Feature("approach_angle", "rad", *_BEARING)), approaching
     ),
 }
-"""Behavior name -> what it senses."""
+"""Behavior name -> its observation."""
 
 
 def register(behavior: str, observation: Observation) -> None:
-    """Makes a new behavior known. Raises BadInput when the name is taken by another observation."""
+    """Registers the observation of a new behavior. Raises BadInput when the name is taken by another observation."""
     if OBSERVATIONS.setdefault(behavior, observation) != observation:
         raise BadInput(f"behavior '{behavior}' already has an observation; choose another name")
 
 
 def observation_of(behavior: str) -> Observation:
-    """The observation of a behavior. Raises BadInput, naming the known ones, when there is none."""
+    """The observation of a behavior. Raises BadInput, listing the known ones, when there is none."""
     try:
         return OBSERVATIONS[behavior]
     except KeyError:

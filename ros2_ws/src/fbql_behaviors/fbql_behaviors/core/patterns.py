@@ -1,7 +1,7 @@
 """Demonstrations and patterns: validated, frozen data (section II.A).
 
-A demonstration is a recording of world states and the commands given in them. A pattern is one moment of it as a
-behavior sees it: attributes (the observation) and a class (the quantized wheel pair).
+A demonstration is a recording of world states and the commands given in them. A pattern is one moment of it from the view
+of a behavior: attributes (the observation) and a class (the quantized wheel pair).
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from fbql_behaviors.core.observation import Feature, Observation
 from fbql_behaviors.core.quantizer import CLASS_COUNT, wheel_class_of
 
 IMBALANCE = 1000
-"""A class that has so many times the patterns of another is worth a warning."""
+"""Ratio between the patterns of the commonest and the rarest class that is worth a warning."""
 UNSEEN_SHARE = 0.1
-"""Share of patterns of a class that no other demonstration shows, above which it is worth a warning."""
+"""Share of patterns whose class only one demonstration shows, above which it is worth a warning."""
 MAX_PATTERNS = 5_000_000
 PATTERN_BYTES = 250
-"""Memory that induction takes for a pattern, about [bytes]."""
+"""Memory that induction takes per pattern, roughly [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,9 @@ class Patterns:
     features: d features, in the order of the columns.
     x: attributes, float64 [n, d], finite; units are those of the features.
     wheel_class: int64 [n], each 0 .. 840.
-    demonstration: int64 [n], which demonstration a pattern is from; what is held out is held out by demonstration.
+    demonstration: int64 [n], the demonstration of each pattern; cross-validation holds out whole demonstrations.
+
+    Raises BadInput when any of this does not hold.
     """
 
     features: tuple[Feature, ...]
@@ -95,30 +97,30 @@ class Patterns:
         return digest.hexdigest()
 
     def warnings(self) -> list[str]:
-        """What is odd about these patterns, though a tree can be made from them; a line each."""
+        """Warnings, one line each, about patterns that a tree can be made from but that look wrong."""
         if len(self) == 1:
             return ["there is one pattern only: the tree will be a single leaf"]
         _, counts = np.unique(self.wheel_class, return_counts=True)
         if len(counts) == 1:
             return ["all patterns are of one class: the tree will be a single leaf"]
-        found: list[str] = []
+        warnings: list[str] = []
         if counts.max() >= IMBALANCE * counts.min():
-            found.append(
+            warnings.append(
                 f"the commonest class has {counts.max()} patterns, the rarest {counts.min()}: the rare ones will hardly count"
             )
-        unseen = self._shown_once()
+        unseen = self._count_shown_once()
         if unseen > UNSEEN_SHARE * len(self):
-            found.append(
+            warnings.append(
                 f"{unseen} of {len(self)} patterns are of classes that one demonstration alone shows: "
                 "where it is held out they are unseen; demonstrate more"
             )
         for column, feature in enumerate(self.features):
             if self.x[:, column].min() == self.x[:, column].max():
-                found.append(f"feature '{feature.name}' never changes: the tree cannot use it")
-        return found
+                warnings.append(f"feature '{feature.name}' never changes: the tree cannot use it")
+        return warnings
 
-    def _shown_once(self) -> int:
-        """How many patterns are of a class that a single demonstration shows; 0 when there is only one at all."""
+    def _count_shown_once(self) -> int:
+        """The number of patterns whose class only one demonstration shows; 0 when there is only one demonstration."""
         shown = np.unique(np.stack((self.wheel_class, self.demonstration)), axis=1)
         if len(np.unique(shown[1])) < 2:
             return 0
@@ -136,7 +138,7 @@ def patterns_from_rows(
     wheel_class: Sequence[int],
     demonstration: Sequence[int] | None = None,
 ) -> Patterns:
-    """Patterns from plain rows of attributes, each checked. Raises BadInput naming the first bad row."""
+    """Patterns from rows of attributes, each checked. Raises BadInput naming the first bad row."""
     for index, row in enumerate(rows):
         if len(row) != len(features):
             raise BadInput(f"pattern row {index}: {len(row)} attributes; expected {len(features)}")
@@ -153,9 +155,9 @@ def patterns_from_rows(
 def patterns_of(
     demonstrations: Sequence[Demonstration], observation: Observation, every: int = 1, count: int | None = None
 ) -> Patterns:
-    """The patterns of demonstrations: every `every`-th moment of each, at most `count` of all of them (evenly taken).
+    """The patterns of demonstrations: every `every`-th moment of each, at most `count` in all (evenly taken).
 
-    Moments outside of the root region show nothing of this behavior and are left out.
+    Moments outside the root region are left out: there the behavior is not defined.
     """
     rows: list[tuple[float, ...]] = []
     classes: list[int] = []
@@ -169,7 +171,7 @@ def patterns_of(
             classes.append(wheel_class_of(command.left_rad_s, command.right_rad_s))
             numbers.append(number)
     if count is not None and len(rows) > count:
-        # whole numbers only: the same rows on every machine
+        # integer arithmetic: the same rows on every machine
         kept = [index * len(rows) // count for index in range(count)]
         rows, classes, numbers = [rows[k] for k in kept], [classes[k] for k in kept], [numbers[k] for k in kept]
     return patterns_from_rows(observation.features, rows, classes, numbers)

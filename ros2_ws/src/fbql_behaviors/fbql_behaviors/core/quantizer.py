@@ -1,8 +1,8 @@
 """The paper's 29 levels of a wheel velocity, and the 29 * 29 = 841 classes of a wheel pair (section II.A.2).
 
-A level is a whole number from -14 to 14; level 0 is standstill and one level is 1/14 of the full wheel velocity. Rounding
-is to the nearest level, a tie goes away from zero, so that the grid treats forwards and backwards alike; a velocity
-beyond full counts as full. A wheel_class numbers a pair of levels, 0 .. 840, the left wheel being the coarse digit.
+A level is a whole number from -14 to 14; level 0 is standstill and one level is 1/14 of the full wheel velocity. A
+velocity is rounded to the nearest level, ties away from zero, so that forwards and backwards are treated alike; a velocity
+beyond full counts as full. A wheel_class numbers a pair of levels, 0 .. 840, with the left wheel as the coarse digit.
 """
 
 from __future__ import annotations

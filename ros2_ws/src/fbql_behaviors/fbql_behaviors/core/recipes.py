@@ -1,6 +1,6 @@
-"""How the tree of each behavior is made: how much is demonstrated, what is taken from it, how it is induced.
+"""How the tree of each behavior is made: the demonstrations, the patterns taken from them, the induction.
 
-One setting per behavior, the same for every seed; docs/deviations.md says why these.
+One setting per behavior, the same for every seed; docs/deviations.md gives the reasons.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ PRINTED = InductionParameters(objective="printed", split_cost=-0.1, min_range=1 
 
 @dataclass(frozen=True)
 class Recipe:
-    """A behavior's setting."""
+    """How the tree of one behavior is made."""
 
     induction: InductionParameters = field(default_factory=InductionParameters)
     """The induction of the tree that ships."""
     printed: InductionParameters = PRINTED
-    """The induction with the objective as printed, which needs other limits for a tree of the same size."""
+    """The induction with the objective as printed, which needs other limits to make a tree of the same size."""
     demonstrations: int = 100
-    """Many short ones: long ones spend their time where the law leads, and leave large angles uncovered."""
+    """Number of demonstrations. Many short ones: long ones stay where the law leads, and leave large angles uncovered."""
     steps: int = 60
-    """Steps of a demonstration at most; an episode that ends, ends it."""
+    """Most steps of a demonstration; it also ends when its episode ends."""
     every: int = 6
-    """Every so many steps a pattern is taken: neighbouring steps are nearly the same."""
+    """Steps from one pattern to the next: neighbouring steps are nearly the same."""
     patterns: int = 1000
-    """Patterns at most, as many as the paper's."""
+    """Most patterns; the paper uses as many."""
 
 
 RECIPES = {
@@ -38,5 +38,5 @@ RECIPES = {
 
 
 def recipe_of(behavior: str) -> Recipe:
-    """The setting of a behavior; the general one for a behavior without its own."""
+    """The recipe of a behavior; the default one if it has none of its own."""
     return RECIPES.get(behavior, Recipe())

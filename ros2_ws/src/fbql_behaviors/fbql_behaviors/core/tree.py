@@ -1,7 +1,7 @@
 """A decision tree: splits of a root region into leaves, each leaf with the wheel velocities of its behavior.
 
-Regions are half-open boxes: a point on a split belongs to the right child. A `Tree` is data: it is checked when it is
-made, never changes, and knows nothing of how it was induced beyond the `origin` that its file tells.
+Regions are half-open boxes: a point on a split belongs to the right child. A `Tree` is immutable data, checked when it is
+made; `origin` records how it was induced.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Split(NamedTuple):
 
 
 class Leaf(NamedTuple):
-    """The reference of a leaf, and how many patterns it was made from."""
+    """The reference of a leaf, and the number of patterns it was made from."""
 
     left_rad_s: float
     right_rad_s: float
@@ -52,9 +52,9 @@ class Tree:
     """A behavior's tree.
 
     behavior: name of the behavior.
-    features: what the observation holds, in order, with the root region.
+    features: the parts of the observation, in order, with the root region.
     nodes: node 0 is the root; every other node is the child of exactly one split.
-    leaves: indexed by leaf_id, dense from 0; every leaf_id stands in exactly one node.
+    leaves: indexed by leaf_id, dense from 0; every leaf_id occurs in exactly one node.
     origin: how the tree was made (method, parameters, SHA-256 of the training data ...); JSON values only.
 
     Raises BadInput when any of this does not hold.
@@ -68,7 +68,7 @@ class Tree:
     hash: str = field(init=False)
     """SHA-256 of the tree's whole content, 64 hexadecimal digits: the same in the file and in every process."""
     contains: Callable[[Sequence[float]], bool] = field(init=False, repr=False, compare=False)
-    """Whether an observation [d] is inside of the root region. NaN is nowhere inside."""
+    """Whether an observation [d] is inside the root region; False for NaN."""
     _root: tuple[Any, Any, Any, Any] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -84,7 +84,7 @@ class Tree:
         return len(self.leaves)
 
     def answer(self, observation: Sequence[float]) -> tuple[int, float, float]:
-        """leaf_id, left and right reference [rad/s] of an observation [d]. Outside of the root region: its edge's leaf."""
+        """leaf_id, left and right reference [rad/s] of an observation [d]; outside the root region, of the leaf at its edge."""
         feature, threshold, left, right = self._root
         while feature >= 0:
             feature, threshold, left, right = left if observation[feature] < threshold else right
@@ -99,7 +99,7 @@ class Tree:
 
     def leaf_ids(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
         """The leaf_id of many observations: [n, d] -> [n]."""
-        found = np.empty(len(x), np.int64)
+        leaf_ids = np.empty(len(x), np.int64)
         pending = [(0, np.arange(len(x)))]
         while pending:
             index, rows = pending.pop()
@@ -108,8 +108,8 @@ class Tree:
                 goes_left = x[rows, node.feature] < node.threshold
                 pending += [(node.left, rows[goes_left]), (node.right, rows[~goes_left])]
             else:
-                found[rows] = node
-        return found
+                leaf_ids[rows] = node
+        return leaf_ids
 
     def references(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """The references [rad/s] of many observations: [n, d] -> [n, 2], columns left and right."""
@@ -118,7 +118,7 @@ class Tree:
 
     def regions(self) -> tuple[Region, ...]:
         """The region of every leaf, indexed by leaf_id; together they tile the root region."""
-        found: list[Region] = [()] * len(self.leaves)
+        regions: list[Region] = [()] * len(self.leaves)
         pending: list[tuple[int, Region]] = [(0, tuple((f.low, f.high) for f in self.features))]
         while pending:
             index, region = pending.pop()
@@ -127,11 +127,11 @@ class Tree:
                 left, right = split_region(region, node.feature, node.threshold)
                 pending += [(node.left, left), (node.right, right)]
             else:
-                found[node] = region
-        return tuple(found)
+                regions[node] = region
+        return tuple(regions)
 
     def content(self) -> dict[str, Any]:
-        """Everything that makes this tree, as JSON values; the hash is over it."""
+        """The whole tree as JSON values; the hash is computed over it."""
         return {
             "behavior": self.behavior,
             "features": [feature._asdict() for feature in self.features],
@@ -149,7 +149,7 @@ def split_region(region: Region, feature: int, threshold: float) -> tuple[Region
 
 
 def _contains(region: Region) -> Callable[[Sequence[float]], bool]:
-    """Whether a point is inside of a region. Two comparisons in a row take a fifth of the time of a loop."""
+    """Whether a point is inside a region. Two chained comparisons take a fifth of the time of a loop."""
     if len(region) == 2:
         (low, high), (other_low, other_high) = region
         return lambda point: low <= point[0] < high and other_low <= point[1] < other_high
@@ -157,7 +157,7 @@ def _contains(region: Region) -> Callable[[Sequence[float]], bool]:
 
 
 def canonical(content: Any) -> str:
-    """The one way to write JSON values down: sorted keys, no spaces, shortest floats that read back the same."""
+    """Canonical JSON: sorted keys, no spaces, the shortest floats that read back the same."""
     return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
@@ -167,7 +167,7 @@ def _check_features(features: tuple[Feature, ...]) -> None:
     names = [feature.name for feature in features]
     for name in names:
         if names.count(name) > 1:
-            raise BadInput(f"feature '{name}' stands there twice")
+            raise BadInput(f"feature '{name}' occurs twice")
     for feature in features:
         if not (isfinite(feature.low) and isfinite(feature.high) and feature.low < feature.high):
             raise BadInput(
@@ -227,16 +227,16 @@ def _check_nodes(tree: Tree) -> list[int]:
 
 
 def _nested(tree: Tree, order: list[int]) -> Any:
-    """The tree as nested tuples, which plain Python walks fastest.
+    """The tree as nested tuples, the fastest structure to walk in plain Python.
 
     A split is (feature, threshold, left tuple, right tuple), a leaf (-1, leaf_id, left_rad_s, right_rad_s).
     """
-    made: list[Any] = [None] * len(tree.nodes)
+    nested: list[Any] = [None] * len(tree.nodes)
     for index in reversed(order):
         node = tree.nodes[index]
         if isinstance(node, Split):
-            made[index] = (node.feature, node.threshold, made[node.left], made[node.right])
+            nested[index] = (node.feature, node.threshold, nested[node.left], nested[node.right])
         else:
             leaf = tree.leaves[node]
-            made[index] = (-1, node, leaf.left_rad_s, leaf.right_rad_s)
-    return made[0]
+            nested[index] = (-1, node, leaf.left_rad_s, leaf.right_rad_s)
+    return nested[0]

@@ -1,4 +1,4 @@
-"""What any tree is worth by the objective of induction, wherever it came from: what makes trees of other methods comparable."""
+"""The value of any tree by the objective of induction: it makes trees of different methods comparable."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fbql_behaviors.core.tree import Split, Tree
 def tree_value(tree: Tree, patterns: Patterns, parameters: InductionParameters) -> float:
     """The value of the root [nat]: R + gamma * successors down the tree's own splits (eqs. 1-4).
 
-    For the tree that `dp` makes of these patterns it is the optimum. A split with an empty side earns its cost alone.
+    For the tree that `dp` induces from these patterns it is the optimum. A split with an empty side earns only its cost.
     """
     share = children_share(parameters)
     rows: list[npt.NDArray[np.int64]] = [np.empty(0, np.int64)] * len(tree.nodes)

@@ -1,1 +1,1 @@
-"""The pure part: no ROS, no clock, no path."""
+"""The pure part: no ROS, no clock, no file paths."""

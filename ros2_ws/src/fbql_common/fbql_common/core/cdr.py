@@ -1,8 +1,8 @@
 """CDR, the wire format of ROS 2 messages, for messages made of primitives, strings and sequences of them.
 
-The conversion between Python messages and CDR is the largest cost of a ROS graph in Python. A flat message
-needs none: a run of primitives is one `struct` call. `Codec` makes, from the field types of a message, a pair
-encode / decode that yields the same bytes as the middleware's own serializer (tests/wire compare them).
+Converting Python messages to CDR and back is the largest cost of a ROS graph in Python. For a flat message it reduces to a
+`struct` call per run of primitives. From the field types of a message, `Codec` makes encode and decode, which produce the
+same bytes as the middleware's own serializer (tests/fbql_common/test_wire.py compares them).
 
 Source: OMG DDSI-RTPS 2.3, section 10 (encapsulation), and OMG CORBA 3.3 part 2, section 9.3 (CDR transfer syntax):
 plain CDR, little-endian, each primitive aligned to its own size counted from the end of the 4-byte header.
@@ -38,7 +38,7 @@ _BOOLS = (True, False)
 
 
 class Malformed(ValueError):
-    """Bytes that are no message of the expected type."""
+    """Bytes that are not a message of the expected type."""
 
 
 class _Run:
@@ -87,14 +87,14 @@ class Codec:
             self._parts.append(kind)
         if run:
             self._parts.append(_Run(run))
-        # At the end there is padding to 4 bytes, and the middleware reserves 4 for each sequence that is empty.
+        # The end is padded to 4 bytes, and the middleware reserves 4 for each empty sequence.
         self._slack = 3 + 4 * sum(kind.startswith("sequence") for kind in kinds)
 
     def encode(self, values: Sequence[object]) -> bytes:
         """The message as CDR bytes with their encapsulation header.
 
         Raises:
-            TypeError: a value that is not of its field's type, or does not fit into it.
+            TypeError: a value that is not of its field's type, or does not fit in it.
         """
         out = [HEADER]
         size = 0
@@ -163,7 +163,7 @@ def _encode_variable(kind: str, value: object, size: int) -> bytes:
 
 @lru_cache(256)
 def _items(count: int, element: str) -> Struct:
-    """A sequence's items behind one another. A message type has few lengths."""
+    """The items of a sequence. Cached: a message type has few lengths."""
     return Struct(f"<{count}{_PRIMITIVES[element][0]}")
 
 

@@ -1,4 +1,4 @@
-"""The FIRA middle-league field, in the frame "field" (docs/deviations.md says where the numbers are from)."""
+"""The FIRA middle-league field, in the frame "field" (docs/deviations.md gives the sources of the numbers)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Plane geometry of robot, ball, wall and goal. Angles in radians, counter-clockwise positive (REP-103)."""
+"""Plane geometry of robot, ball, wall and goal. Angles in radians, counter-clockwise positive (REP-103).
+
+Headings are in (-pi, pi]. Bearings and the approach angle are in [-pi, pi), because regions of a tree are half-open: the
+root region of such a feature, [-pi, pi), holds every value.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +18,16 @@ def wrap_angle(angle_rad: float) -> float:
     return pi if wrapped == -pi else wrapped
 
 
+def wrap_bearing(angle_rad: float) -> float:
+    """The same direction in [-pi, pi) [rad]."""
+    wrapped = remainder(angle_rad, tau)
+    return wrapped if wrapped < pi else -pi
+
+
 def distance_and_bearing(world: World, x_m: float, y_m: float) -> tuple[float, float]:
-    """Distance from the robot's centre to a point [m], and its bearing from the robot's heading [rad]."""
+    """Distance from the robot's centre to a point [m], and its bearing from the robot's heading, in [-pi, pi) [rad]."""
     dx, dy = x_m - world.robot_x_m, y_m - world.robot_y_m
-    return hypot(dx, dy), wrap_angle(atan2(dy, dx) - world.robot_yaw_rad)
+    return hypot(dx, dy), wrap_bearing(atan2(dy, dx) - world.robot_yaw_rad)
 
 
 def ball_distance_and_bearing(world: World) -> tuple[float, float]:
@@ -31,10 +41,10 @@ def wall_distance_and_bearing(world: World) -> tuple[float, float]:
 
 
 def approach_angle(world: World) -> float:
-    """psi: the angle from the line robot -> ball to the line ball -> goal, in (-pi, pi] [rad] (Fig. 8).
+    """psi: the angle from the line robot -> ball to the line ball -> goal, in [-pi, pi) [rad] (Fig. 8).
 
     0 when the robot stands behind the ball, in line with the centre of the goal that is attacked.
     """
     to_ball = atan2(world.ball_y_m - world.robot_y_m, world.ball_x_m - world.robot_x_m)
     to_goal = atan2(-world.ball_y_m, FIELD.half_length_m - world.ball_x_m)
-    return wrap_angle(to_goal - to_ball)
+    return wrap_bearing(to_goal - to_ball)

@@ -1,6 +1,6 @@
 """The domain types of one step. The fields are those of the messages in fbql_msgs, flat.
 
-They are NamedTuples: made and read in well under a microsecond, immutable, compared by value.
+They are NamedTuples: immutable, compared by value, created and read in well under a microsecond.
 SI units, radians, frame "field" (x towards the attacked goal, y to the left), order left, right.
 """
 
@@ -21,11 +21,11 @@ class _MadeOf(Protocol):
 
 
 made_of = cast("_MadeOf", tuple.__new__)  # pyright: ignore[reportUnknownMemberType]
-"""made_of(World, values) is World(*values) at half its time, for what is made at every step; nobody counts the values."""
+"""made_of(World, values) is World(*values) in half the time, without a check of the number of values."""
 
 
 class Phase(IntEnum):
-    """What an episode is for; the numbers are those of FusionDecision's PHASE_ constants."""
+    """The purpose of an episode; the numbers are the PHASE_ constants of FusionDecision."""
 
     GUIDED = 0
     LEARNING = 1
@@ -64,7 +64,7 @@ class World(NamedTuple):
 
 
 class BehaviorOutput(NamedTuple):
-    """What one behavior answers to a world state (fbql_msgs/BehaviorOutput)."""
+    """One behavior's answer to a world state (fbql_msgs/BehaviorOutput)."""
 
     stamp_ns: int
     episode: int
@@ -105,4 +105,4 @@ class Decision(NamedTuple):
     reward: float
     degraded: bool
     learned_weights: tuple[float, ...] = ()
-    """Recordings made before it was there have none."""
+    """Empty in recordings made before this field existed."""

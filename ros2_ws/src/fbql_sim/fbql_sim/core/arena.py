@@ -78,7 +78,7 @@ def closest_wall_point(x_m: float, y_m: float) -> tuple[float, float, float]:
 
     Returns:
         x, y of the wall point [m], and the direction from it into the field [rad]: normal to the wall, and at a
-        goal post (a convex corner) towards the point asked for.
+        goal post (a convex corner) towards the given point.
     """
     px = x_m if x_m >= 0.0 else -x_m
     py = y_m if y_m >= 0.0 else -y_m
@@ -95,7 +95,7 @@ def closest_wall_point(x_m: float, y_m: float) -> tuple[float, float, float]:
         x, y, nx, ny = px if px < SIDE_END else SIDE_END, HALF_WIDTH, 0.0, -1.0
         dx, dy = x - px, y - py
         best = dx * dx + dy * dy
-        # what is at the end of the field is at least as far away as the end wall's line
+        # nothing at the end of the field is closer than the line of the end wall
         dx = HALF_LENGTH - px
         if dx * dx < best:
             if py >= HALF_GOAL:

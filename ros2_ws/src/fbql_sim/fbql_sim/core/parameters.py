@@ -1,4 +1,4 @@
-"""Every constant of the simulator that is a choice: default, unit, bounds and meaning, in this one place."""
+"""Every adjustable constant of the simulator: default, unit, bounds and meaning."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fbql_common.core.parameters import parameter
 
 @dataclass(frozen=True)
 class SimulationParameters:
-    """What the physics and the task are made with; the field's dimensions are in fbql_common.core.field.
+    """Parameters of the physics and the task; the field's dimensions are in fbql_common.core.field.
 
     "Logs" below are the 12 FIRA 2019 match logs; their cycle is taken as 1/40 s, the rate of the paper's era.
     """

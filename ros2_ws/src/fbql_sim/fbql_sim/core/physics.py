@@ -1,8 +1,8 @@
 """The bodies and their motion: robot, ball and walls in a pymunk space.
 
-Velocities are set between physics steps and the solved ones are read back, so a robot that a wall has stopped
-starts again from standstill. The bodies are read and set through pymunk's C functions: its attributes build a
-vector object per access, which would take several times as long as the physics. That is confined to this module.
+Velocities are set before each step and the solved ones are read back, so a robot that a wall has stopped starts again
+from standstill. Only this module reads and sets bodies through pymunk's C functions: its attributes build a vector object
+per access, which would take several times as long as the physics.
 """
 
 from __future__ import annotations
@@ -69,10 +69,9 @@ class Physics:
         self.reset(Start(0.0, 0.0, 0.0, 0.5, 0.0))
 
     def reset(self, start: Start) -> None:
-        """Puts robot and ball where `start` says, in a new space.
+        """Puts robot and ball at their start, in a new space.
 
-        A new one, because a space remembers contacts and the order of its shapes: episodes must not depend on
-        what was played before.
+        A space remembers contacts and the order of its shapes, but an episode must not depend on those before it.
         """
         parameters = self._parameters
         self._space = space = pymunk.Space()
@@ -111,7 +110,7 @@ class Physics:
         left = _limited(left, now_left - limit, now_left + limit)
         right = _limited(right, now_right - limit, now_right + limit)
         speed = (left + right) / 2
-        # the wheels' grip takes sideways speed away, as much as it can
+        # the grip of the wheels reduces sideways speed, as far as it can
         slip, grip = self.robot_slip_m_s, self._slip_change
         slip = slip - grip if slip > grip else slip + grip if slip < -grip else 0.0
         cosine, sine = self._cosine, self._sine
@@ -152,7 +151,7 @@ class Physics:
 class _WallContacts:
     """The robot's contacts with walls in one space.
 
-    Each space has its own: a space that is freed ends its contacts then, which may be during a later episode.
+    Each space has its own counter: a space ends its contacts when it is freed, possibly during a later episode.
     """
 
     def __init__(self) -> None:
@@ -177,6 +176,6 @@ def _set_material(shape: pymunk.Shape, collision_type: int, elasticity: float, f
 
 
 def _pointers(space: pymunk.Space, robot: pymunk.Body, ball: pymunk.Body) -> tuple[Any, Any, Any]:
-    """The C objects behind pymunk's; they live as long as those."""
+    """The C objects behind pymunk's; they live as long as those do."""
     typed: list[Any] = [space, robot, ball]
     return typed[0]._space, typed[1]._body, typed[2]._body

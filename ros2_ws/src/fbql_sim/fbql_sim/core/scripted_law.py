@@ -1,7 +1,10 @@
-"""A law that sees everything and has no trees: it scores nearly always, and is the floor that learners are held against.
+"""A scripted law that sees the whole world state and uses no trees: a yardstick for learners, not a bound.
 
-It aims at the point where the ball will be, goes round the ball when it is on the wrong side of it, pushes it towards
-the goal, and along the walls where it lies at one.
+It scores nearly always, in 321 steps per goal on average. The same law with tuned constants takes 137, and the kinematic
+bound is about 89.
+
+It drives to where the ball will be, goes round the ball when it is on the wrong side of it, pushes it towards the goal, and
+along the wall where it lies at one.
 """
 
 from __future__ import annotations
@@ -16,13 +19,13 @@ SPEED_M_S = 1.0
 PUSH_SPEED_M_S = 0.8
 WALL_PUSH_SPEED_M_S = 0.25
 CONE_RAD = 0.75
-"""The robot pushes when it is within this angle of standing behind the ball."""
+"""The robot pushes when its direction to the ball is within this angle of the direction to push in."""
 CLEARANCE_M = 0.085
 """Radius of the detour round the ball."""
 
 
 def law(world: World) -> tuple[float, float]:
-    """Wheel velocities, left and right [rad/s], from everything there is to know."""
+    """Wheel velocities, left and right [rad/s], from the whole world state."""
     ahead_s = min(hypot(world.ball_x_m - world.robot_x_m, world.ball_y_m - world.robot_y_m) / SPEED_M_S, 0.5)
     end, side = FIELD.half_length_m - BALL_RADIUS_M, FIELD.half_width_m - BALL_RADIUS_M
     ball_x = min(max(world.ball_x_m + ahead_s * world.ball_vx_m_s, -end), end)
@@ -46,7 +49,7 @@ def law(world: World) -> tuple[float, float]:
 
 
 def push_direction(ball_x_m: float, ball_y_m: float) -> float:
-    """Where to push the ball [rad]: to the goal, at a side wall along it, at the end wall towards the mouth."""
+    """The direction to push the ball in [rad]: to the goal, along a side wall, at the end wall towards the goal mouth."""
     side = copysign(1.0, ball_y_m)
     if ball_x_m > 1.02 and abs(ball_y_m) > 0.16:
         return -side * pi / 2
@@ -56,7 +59,7 @@ def push_direction(ball_x_m: float, ball_y_m: float) -> float:
 
 
 def wheels_towards(heading_error_rad: float, speed_m_s: float) -> tuple[float, float]:
-    """Wheel velocities [rad/s] that drive towards a heading, backwards when that is nearer."""
+    """Wheel velocities [rad/s] that steer to a heading, driving backwards when that is the smaller turn."""
     if abs(heading_error_rad) > pi / 2:
         heading_error_rad, speed_m_s = wrap_angle(heading_error_rad + pi), -speed_m_s
     speed_m_s *= cos(heading_error_rad) ** 2

@@ -1,4 +1,4 @@
-"""The task: where an episode starts, what disturbs the wheels, what counts as an event, when it ends."""
+"""The task: starts, wheel disturbance, events, and the end of an episode."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from fbql_sim.core.physics import Start
 GOAL_X_M = FIELD.half_length_m + BALL_RADIUS_M
 """|x| from which the whole ball is past a goal line [m] (FIRA Law: "the whole of the ball passes over")."""
 NOISE_BLOCK = 256
-"""Steps whose noise is drawn at once: a draw costs microseconds, whatever its size."""
+"""Steps whose noise is drawn at once: a draw takes microseconds, whatever its size."""
 
 
 class Events(NamedTuple):
-    """What a step caused; the names are World's."""
+    """What a step caused; the names are those of World."""
 
     goal: bool
     own_goal: bool
@@ -33,7 +33,7 @@ NO_EVENTS = Events(False, False, False, False, False, False)
 
 
 class Task:
-    """Score with a ball that lies on a free-ball spot, starting before the own goal; all chance is from one seed."""
+    """Score with a ball on a free-ball spot, starting in front of the own goal; one seed decides everything random."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
         if parameters.start_distance_low_m > parameters.start_distance_high_m:
@@ -47,7 +47,7 @@ class Task:
         self.begin(0)
 
     def begin(self, seed: int) -> Start:
-        """Begins an episode: draws its start and its wheels' gains."""
+        """Begins an episode: draws its start and the gains of its wheels."""
         parameters = self._parameters
         rng = np.random.default_rng(seed)
         spot_x, spot_y = FREE_BALL_SPOTS_M[int(rng.integers(len(FREE_BALL_SPOTS_M)))]
@@ -65,12 +65,12 @@ class Task:
         )
 
     def disturb(self, left_rad_s: float, right_rad_s: float) -> tuple[float, float]:
-        """The wheel velocities that a command really causes: each wheel has its gain, which flickers [rad/s]."""
+        """The wheel velocities that a command causes [rad/s]: each wheel has a gain, with noise from step to step."""
         left_gain, right_gain = next(self._gains)
         return left_rad_s * left_gain, right_rad_s * right_gain
 
     def judge(self, ball_x_m: float, ball_y_m: float, touched_wall: bool) -> Events:
-        """The events of the step just done, from the ball's position [m] and the robot's contact with a wall.
+        """The events of the latest step, from the ball's position [m] and the robot's contact with a wall.
 
         A collision begins with the first contact after at least `collision_gap_s` without one.
         """

@@ -1,4 +1,4 @@
-"""The loop: physics and task, step by step, as a sequence of worlds."""
+"""The loop that composes physics and task into a sequence of worlds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fbql_sim.core.task import NO_EVENTS, Events, Task
 
 
 class WorldLoop:
-    """Plays episodes: `reset` gives the first world, each `step` the next one, until one has ended.
+    """Plays episodes: `reset` returns the first world, each `step` the next one, until one has ended.
 
     The same seed and commands give the same worlds bit for bit (but for `stamp_ns` and `episode`), whatever was
     played before. `stamp_ns` is k·dt for the k-th world this loop has produced, from 1 on: simulated time never
@@ -50,7 +50,7 @@ class WorldLoop:
             ValueError: a wheel velocity is not finite; nothing has moved.
             RuntimeError: no episode is running (before the first reset, or after an ended world).
         """
-        world = self._world or self.world  # the property says what is wrong where there is none
+        world = self._world or self.world  # the property raises where there is none
         if world.terminated or world.truncated:
             raise RuntimeError(f"episode {world.episode} ended at step {world.step}: call reset first")
         if not (isfinite(left_rad_s) and isfinite(right_rad_s)):

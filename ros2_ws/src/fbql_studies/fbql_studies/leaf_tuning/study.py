@@ -16,7 +16,7 @@ from fbql.demonstrations.instruct import instruct
 from fbql.demonstrations.make_tree import DEMONSTRATION_SEED, INDUCTION_SEED
 from fbql.demonstrations.practice import PracticeGround, measure, measuring_seeds
 from fbql.statistics.tables import Row
-from fbql_behaviors.core.exercises import Episode, exercise_of, measured
+from fbql_behaviors.core.exercises import Attempt, exercise_of, mean_cost
 from fbql_behaviors.core.induction import induce
 from fbql_behaviors.core.leaf_tuning import tune, tuning_of
 from fbql_behaviors.core.observation import OBSERVATIONS
@@ -108,13 +108,13 @@ def _tree(behavior: str, trees: str, demonstration_seed: int) -> Tree:
     return induce(behavior, patterns, recipe.printed if trees == PRINTED else recipe.induction, INDUCTION_SEED).tree
 
 
-def _figures(behavior: str, episodes: Sequence[Episode]) -> dict[str, float]:
+def _figures(behavior: str, episodes: Sequence[Attempt]) -> dict[str, float]:
     """What is measured of a behavior's tree: name -> mean over starts, or over steps."""
     steps = sum(episode.steps for episode in episodes)
     exercise = exercise_of(behavior)
     seconds = steps * PracticeGround(behavior).dt_s
     return {
-        exercise.measure: measured(episodes, exercise),
+        exercise.measure: mean_cost(episodes, exercise),
         "m/s": sum(episode.travelled_m for episode in episodes) / seconds,
         "collisions begun per 1000 steps": 1000 * sum(episode.collisions_begun for episode in episodes) / steps,
     }

@@ -1,16 +1,17 @@
-"""A curve with a line to be compared with as a picture: the learning curve of an induction, beside the optimum."""
+"""A curve and a level to compare it with: the learning curve of an induction beside the optimum."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import takewhile
 from math import isfinite, log2
 
-from fbql_behaviors.core.svg import Axis, document, frame, line, multiples, number, text, ticks_between
+from fbql_behaviors.drawing.colours import CURVE, LEVEL
+from fbql_behaviors.drawing.svg import Axis, document, frame, line, multiples, number, text, ticks_between
 
 WIDTH, HEIGHT = 560.0, 240.0
 LEFT, TOP, RIGHT, BELOW = 64.0, 34.0, 120.0, 48.0
 MAX_POINTS = 1000
-CURVE, LEVEL = "#1f5fa8", "#d9541e"
 
 
 def curve_svg(
@@ -23,10 +24,10 @@ def curve_svg(
 ) -> str:
     """The curve through points (x, y), as an SVG document; `level` is a name and the y of a dashed line.
 
-    Points that are not finite end the curve. Without two points there is nothing to draw but the level. With `doubling`
-    each doubling of x is as wide as any other; x is positive then.
+    The curve ends before the first y that is not finite; with fewer than two points only the level is drawn. `doubling`
+    makes x logarithmic with ticks at powers of 2; x must be positive then.
     """
-    finite = _finite([(log2(x) if doubling else x, y) for x, y in points])
+    finite = [(log2(x) if doubling else x, y) for x, y in takewhile(lambda point: isfinite(point[1]), points)]
     shown = [finite[k * len(finite) // MAX_POINTS] for k in range(MAX_POINTS)] if len(finite) > MAX_POINTS else finite
     if finite and len(finite) > MAX_POINTS:
         shown.append(finite[-1])
@@ -49,13 +50,3 @@ def curve_svg(
         path = " ".join(f"{number(across.at(x))},{number(up.at(y))}" for x, y in shown)
         parts.append(f'<polyline points="{path}" fill="none" stroke="{CURVE}" stroke-width="2"/>')
     return document(LEFT + WIDTH + RIGHT, TOP + HEIGHT + BELOW, title, parts)
-
-
-def _finite(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """The points before the first that is not finite."""
-    found: list[tuple[float, float]] = []
-    for x, y in points:
-        if not isfinite(y):
-            break
-        found.append((x, y))
-    return found

@@ -1,4 +1,4 @@
-"""The few parts of SVG that the figures are made of: texts, a frame with ticks, and numbers written short."""
+"""The few parts of SVG that figures are made of: text, lines, a frame with ticks."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from html import escape
 from math import ceil, floor, log10
 from typing import NamedTuple
 
-INK, FAINT, FRAME = "#222", "#777", "#444"
+from fbql_behaviors.drawing.colours import FRAME, INK
+
 STEPS = (1.0, 2.0, 5.0, 10.0)
 
 
@@ -21,7 +22,7 @@ class Axis(NamedTuple):
     end: float
     ticks: tuple[float, ...]
     numbers: tuple[str, ...] = ()
-    """What stands at the ticks; the ticks themselves unless given."""
+    """Labels of the ticks; by default their values."""
 
     def at(self, value: float) -> float:
         """The pixel of a value."""
@@ -29,7 +30,7 @@ class Axis(NamedTuple):
 
 
 def ticks_between(low: float, high: float, count: int = 6) -> tuple[float, ...]:
-    """About `count` round values inside of a range."""
+    """About `count` round values inside a range."""
     raw = (high - low) / count
     power = 10.0 ** floor(log10(raw))
     step = next(factor * power for factor in STEPS if factor * power >= raw * (1.0 - 1e-9))
@@ -37,18 +38,18 @@ def ticks_between(low: float, high: float, count: int = 6) -> tuple[float, ...]:
 
 
 def multiples(step: float, low: float, high: float) -> tuple[float, ...]:
-    """The multiples of a step inside of a range."""
+    """The multiples of a step inside a range."""
     first, last = ceil(low / step - 1e-9), floor(high / step + 1e-9)
     return tuple(k * step for k in range(first, last + 1))
 
 
 def number(value: float) -> str:
-    """A coordinate, to a hundredth of a pixel."""
+    """A coordinate as text, to a hundredth of a pixel."""
     return f"{value:.2f}".rstrip("0").rstrip(".")
 
 
 def plain(content: str) -> str:
-    """A text as it may stand in a document: escaped, and without what XML forbids."""
+    """A text escaped for XML, without the characters that XML forbids."""
     return escape("".join(character if character.isprintable() else " " for character in content))
 
 
@@ -67,7 +68,7 @@ def line(x1: float, y1: float, x2: float, y2: float, stroke: str = FRAME, extra:
 
 
 def frame(x: Axis, y: Axis) -> list[str]:
-    """The frame of a diagram, with ticks, numbers and labels on its left and lower side."""
+    """The frame of a diagram, with ticks and labels on its left and lower sides."""
     left, right = sorted((x.begin, x.end))
     top, bottom = sorted((y.begin, y.end))
     parts = [
@@ -90,7 +91,7 @@ def _labelled(axis: Axis) -> list[tuple[float, str]]:
 
 
 def dots(x: Axis, y: Axis, points: Sequence[tuple[float, float]]) -> str:
-    """Many small dots as one path."""
+    """Many small dots, as one path."""
     path = "".join(f"M{x.at(first):.1f} {y.at(second):.1f}h0" for first, second in points)
     return (
         f'<path d="{path}" stroke="#000" stroke-opacity=".6" stroke-width="2.2" '
@@ -99,7 +100,7 @@ def dots(x: Axis, y: Axis, points: Sequence[tuple[float, float]]) -> str:
 
 
 def document(width: float, height: float, title: str, parts: Sequence[str]) -> str:
-    """A whole SVG document, which can stand alone or inside of an HTML page."""
+    """A complete SVG document, to stand alone or inside an HTML page."""
     size = f'width="{number(width)}" height="{number(height)}" viewBox="0 0 {number(width)} {number(height)}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" font-family="system-ui, sans-serif">'
     return "\n".join((head, f"<title>{plain(title)}</title>", *parts, "</svg>")) + "\n"

@@ -1,114 +1,37 @@
-"""Trees in C, in DOT and as pictures: the same answers, and nothing in a name breaks out of its place."""
+"""Trees and curves as pictures: what they show, where, in which colour; and names that cannot break out of their place."""
 
 from __future__ import annotations
 
-import ctypes
 import re
-import shutil
-import subprocess
-from math import inf, nan, pi
-from pathlib import Path
+from math import inf, pi
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from fbql_behaviors.core.curve_svg import curve_svg
 from fbql_behaviors.core.explanation import Motion, rules
-from fbql_behaviors.core.export import c_name, to_c, to_dot
 from fbql_behaviors.core.observation import Feature
-from fbql_behaviors.core.partition_svg import COLOURS, MAX_POINTS, OPACITY, partition_svg
-from fbql_behaviors.core.svg import multiples, ticks_between
-from fbql_behaviors.core.tree import Leaf, Node, Split, Tree
+from fbql_behaviors.core.tree import Leaf, Split, Tree
+from fbql_behaviors.drawing.colours import COLOURS, OPACITY
+from fbql_behaviors.drawing.curve import curve_svg
+from fbql_behaviors.drawing.dot import to_dot
+from fbql_behaviors.drawing.partition import MAX_POINTS, partition_svg
+from fbql_behaviors.drawing.svg import multiples, ticks_between
+from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
-from hypothesis import HealthCheck, given, settings
-from places import ROOT
-from tree_strategies import FEATURES, edge_points, trees
+from hypothesis import given
+from tree_strategies import FEATURES, NASTY, trees
 
-SHIPPED = ROOT / "ros2_ws/src/fbql_behaviors/fbql_behaviors/trees"
-NAMES = ("ball_seeking", "wall_avoiding", "approaching")
-STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-shared", "-fPIC")
-NASTY = '*/ "\\ %s\n\0<script>&</script> é'
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-class Compiled:
-    """A tree's C function, compiled and loaded."""
-
-    def __init__(self, tree: Tree, place: Path) -> None:
-        compiler = shutil.which("gcc")
-        if compiler is None:
-            pytest.skip("there is no gcc here")
-        source, library = place / "tree.c", place / "tree.so"
-        source.write_text(to_c(tree))
-        done = subprocess.run(
-            [compiler, *STRICT, str(source), "-o", str(library)],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        self._loaded = ctypes.CDLL(str(library))
-        self._answer = getattr(self._loaded, f"{c_name(tree.behavior)}_answer")
-        self._observation = ctypes.c_double * len(tree.features)
-
-    def answer(self, observation: tuple[float, ...]) -> tuple[int, float, float]:
-        left, right = ctypes.c_double(nan), ctypes.c_double(nan)
-        leaf_id = self._answer(self._observation(*observation), ctypes.byref(left), ctypes.byref(right))
-        return leaf_id, left.value, right.value
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_c_answers_like_the_tree_on_random_points_and_on_every_threshold(name: str, tmp_path: Path) -> None:
-    tree = load_tree(SHIPPED / f"{name}.json")
-    compiled = Compiled(tree, tmp_path)
-    rng = np.random.default_rng(0)
-    columns = [rng.uniform(feature.low - 0.5, feature.high + 0.5, 5000) for feature in tree.features]
-    points = [tuple(row) for row in np.stack(columns, axis=1).tolist()]
-    points += edge_points(tree)
-    points += [(inf, -inf), (-inf, inf), (nan, 0.0), (0.0, -0.0)]
-    assert len(points) > 5020
-    for point in points:
-        assert compiled.answer(point) == tree.answer(point)
-
-
-def test_c_of_any_random_tree_answers_like_it(tmp_path_factory: pytest.TempPathFactory) -> None:
-    @settings(max_examples=8, suppress_health_check=[HealthCheck.too_slow])
-    @given(trees())
-    def hold(tree: Tree) -> None:
-        compiled = Compiled(tree, tmp_path_factory.mktemp("c"))
-        for point in edge_points(tree):
-            assert compiled.answer(point) == tree.answer(point)
-
-    hold()
-
-
-def test_c_takes_a_tree_as_deep_as_a_chain(tmp_path: Path) -> None:
-    depth = 2000
-    nodes: list[Node] = []
-    for k in range(depth - 1):
-        nodes += [Split(0, float(k + 1), 2 * k + 1, 2 * k + 2), k]
-    nodes.append(depth - 1)
-    leaves = tuple(Leaf(k / 100, -k / 100, 1) for k in range(depth))
-    tree = Tree("chain", (Feature("x", "m", 0.0, float(depth)),), tuple(nodes), leaves)
-    assert Compiled(tree, tmp_path).answer((1500.5,)) == (1500, 15.0, -15.0)
-
-
-def test_names_stay_inside_of_their_place(tmp_path: Path) -> None:
+def test_names_cannot_break_out_of_svg_and_dot() -> None:
     tree = Tree(NASTY, (Feature(NASTY, NASTY, 0.0, 1.0),), (Split(0, 0.5, 1, 2), 0, 1), (Leaf(1, 2, 3), Leaf(4, 5, 6)))
-    assert Compiled(tree, tmp_path).answer((0.7,)) == (1, 4.0, 5.0)
-    ElementTree.fromstring(partition_svg(tree))
-    assert "<script>" not in partition_svg(tree)
+    svg = partition_svg(tree)
+    ElementTree.fromstring(svg)
+    assert "<script>" not in svg
     dot = to_dot(tree)
     assert len(dot.splitlines()) == 9
     assert all(len(re.findall(r'(?<!\\)(?:\\\\)*"', line)) % 2 == 0 for line in dot.splitlines())
-
-
-@pytest.mark.parametrize(
-    ("behavior", "name"), [("a b", "a_b"), ("9", "tree_9"), ("", "tree_"), ("_x", "tree__x"), ("é", "tree__")]
-)
-def test_any_behavior_gets_a_name_that_c_accepts(behavior: str, name: str) -> None:
-    assert c_name(behavior) == name
 
 
 @given(trees())
@@ -118,9 +41,6 @@ def test_dot_has_a_node_for_each_node_and_an_edge_for_each_child(tree: Tree) -> 
     assert len(re.findall(r"^  n\d+ \[label=", dot, flags=re.MULTILINE)) == len(tree.nodes)
     assert len(re.findall(r"^  n\d+ -> n\d+ \[label=\"(?:yes|no)\"\];$", dot, flags=re.MULTILINE)) == 2 * splits
     assert dot.count("\\nleft ") == tree.leaf_count
-
-
-# Pictures
 
 
 def rectangles(svg: str) -> list[ElementTree.Element]:
@@ -137,7 +57,7 @@ def test_the_rectangles_of_a_partition_tile_the_picture(tree: Tree) -> None:
 
 
 @given(trees())
-def test_a_region_has_the_colour_of_its_motion_and_tells_its_rule(tree: Tree) -> None:
+def test_a_region_has_the_colour_of_its_motion_and_names_its_rule(tree: Tree) -> None:
     for rectangle, rule in zip(rectangles(partition_svg(tree)), rules(tree), strict=True):
         assert rectangle.attrib["fill"] == COLOURS[rule.motion]
         assert float(rectangle.attrib["fill-opacity"]) == OPACITY[rule.speed]
@@ -159,7 +79,7 @@ def test_a_region_lies_where_its_numbers_say() -> None:
 
 
 def test_patterns_are_drawn_and_thinned() -> None:
-    tree = load_tree(SHIPPED / "ball_seeking.json")
+    tree = load_tree(shipped_trees() / "ball_seeking.json")
     few = partition_svg(tree, np.array([[0.5, 0.1], [99.0, 0.0]]))
     assert few.count("h0") == 2
     assert "M534.0 234.0h0" in few  # outside of the root region: at its edge
