@@ -11,6 +11,9 @@ from fbql_studies.training import add_options as add_training_options
 from fbql_studies.variants import Variants, changing
 
 DESCRIPTION = "fbql without one of its parts at a time (once two), each trained and played frozen like the default"
+CAPTIONS = {
+    "fusion_ablation": "What a goal costs after one change, relative to the default on the same episodes, with 95 % intervals",
+}
 COLUMNS = fusion_words.COLUMNS
 words = fusion_words.variant_tables
 SEEDS = Seeds(1401, 9000)

@@ -31,6 +31,7 @@ from fbql_studies.runner.study import MOST_PLAYED, MOST_SEEDS, Parameters, Resul
 from fbql_studies.tree_play import RETUNED, retuned, score
 
 DESCRIPTION = "leaf tuning: each behavior and the team before and after, from the same starts"
+CAPTIONS: Mapping[str, str] = {}
 COLUMNS = leaf_tuning_words.COLUMNS
 words = leaf_tuning_words.tables
 FIRST_TUNING_SEED = 101

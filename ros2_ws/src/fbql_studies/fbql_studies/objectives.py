@@ -22,6 +22,7 @@ from fbql_studies.tree_methods import OBJECTIVES, Lesson, induced
 from fbql_studies.tree_play import PRESETS, SETTINGS, retuned, score
 
 DESCRIPTION = "the weighted objective against the printed one: held-out error and play over many demonstration seeds"
+CAPTIONS: Mapping[str, str] = {}
 COLUMNS = objectives_words.COLUMNS
 words = objectives_words.tables
 FIRST_SEED = 2001

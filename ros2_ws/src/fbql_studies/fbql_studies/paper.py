@@ -37,6 +37,9 @@ from fbql_studies.runner.study import MOST_PLAYED, MOST_SEEDS, Parameters, Resul
 from fbql_studies.tuning import retuned
 
 DESCRIPTION = "the paper's protocol: 20 guided episodes, then until 50 goals, all methods on the same starts"
+CAPTIONS = {
+    "fusion_paper": "The analogues of the paper's Figs. 10 to 14, as moving averages over 5 successes with 95 % intervals over tree sets and runs",
+}
 COLUMNS = fusion_words.COLUMNS
 words = fusion_words.paper_tables
 FIRST_TREE_SEED = 1001

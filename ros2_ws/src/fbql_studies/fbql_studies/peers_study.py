@@ -32,6 +32,10 @@ from fbql_studies.tree_play import Score
 DESCRIPTION = (
     "other methods on the same work, simulator and budget: Q-learning, PPO, constant weights, single behaviors"
 )
+CAPTIONS = {
+    "fusion_peers": "What a goal costs and how many episodes end in one, frozen, with 95 % intervals over tree sets and runs",
+    "fusion_peers_training": "Success rate in the course of the trainings, exploration included",
+}
 COLUMNS = fusion_words.COLUMNS
 words = fusion_words.peers_tables
 FIRST_TRAINING_SEED = 100

@@ -30,6 +30,9 @@ from fbql_studies.training import Seeds, check_options, frozen, train, training_
 from fbql_studies.training import add_options as add_training_options
 
 DESCRIPTION = "fbql with 3, 4, 6 and 8 behaviors: learning curves and memory against the product of the leaves"
+CAPTIONS = {
+    "fusion_scaling": "Memory and learning with 3, 4, 6 and 8 behaviors",
+}
 COLUMNS = fusion_words.COLUMNS
 words = fusion_words.scaling_tables
 SEEDS = Seeds(1201, 5000)

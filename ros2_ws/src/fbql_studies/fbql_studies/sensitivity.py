@@ -14,6 +14,9 @@ from fbql_studies.variants import Changes, Variants, changing
 DESCRIPTION = (
     "fbql with other values of its parameters and other guides, each trained and played frozen like the default"
 )
+CAPTIONS = {
+    "fusion_sensitivity": "What a goal costs with other values and guides, relative to the default on the same episodes, with 95 % intervals",
+}
 COLUMNS = fusion_words.COLUMNS
 words = fusion_words.variant_tables
 SEEDS = Seeds(1101, 3000)

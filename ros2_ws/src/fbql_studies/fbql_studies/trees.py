@@ -45,6 +45,15 @@ from fbql_studies.tree_methods import (
 from fbql_studies.tree_play import FIXED_ONLY, PRESETS, PRESETS_ONLY, RETUNED, SETTINGS, Score, retuned, score
 
 DESCRIPTION = "trees from demonstrations: objectives, trials and other methods, by held-out error and by play"
+CAPTIONS = {
+    "trees_patterns": "The paper's Fig. 2: the patterns of each behavior, 1000 of demonstration seed 1001; blue turns left, orange turns right, white drives straight",
+    "trees_divergence": "The root's value over the trials, by eq. 4 as printed and with -Q",
+    "trees_trials": "Value, held-out error and play against the number of trials; lines are medians over the seeds (of the team: sums over them), bands the range (of the team: 95 %), DP is the exact optimum",
+    "trees_sizes": "Held-out error against the number of leaves: exact trees of either objective, and CART of every size",
+    "trees_play": "Steps per goal and success rate of each method's trees, with 95 % intervals over the seeds",
+    "trees_leaf_counts": "Leaves over demonstration seeds, and the paper's",
+    "trees_partition": "The paper's Fig. 3: the leaves of each behavior after 50 trials with demonstration seed 1001, by the weighted objective (above) and the printed one (below); the colour is how sharply a leaf turns, hatched leaves drive backwards",
+}
 COLUMNS = tree_words.COLUMNS
 words = tree_words.tables
 CARTS = ("cart", "cart by entropy")

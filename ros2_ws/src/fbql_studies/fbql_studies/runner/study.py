@@ -38,6 +38,8 @@ class Study(Protocol):
     DESCRIPTION: str
     COLUMNS: Mapping[str, str]
     """Each column that `table` can have -> what it says, with its unit."""
+    CAPTIONS: Mapping[str, str]
+    """File of a figure, without its ending -> its caption."""
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         """Adds the study's own options."""

@@ -1,0 +1,162 @@
+"""Writes docs/results and the small tables of docs/fusion.md and docs/trees.md from docs/data. Run it in the project's
+environment:
+
+source scripts/env.sh
+python docs/make_results.py [STUDY_DIRECTORY ...]
+
+A study directory (runs/study-paper, runs/study-ladder, ...) is first copied into docs/data: its table and options as
+STUDY.json, the numbers behind its figures as STUDY_curves.json; figures that need every task's result are copied into
+docs/images. Each study then gets a page of its own, docs/results/STUDY.md, which holds nothing that is written by hand.
+
+In fusion.md and trees.md a generated block stands between a comment and `<!-- end -->`:
+
+<!-- table: STUDY: TITLE -->
+<!-- table: STUDY: TITLE | rows: FIRST CELL; FIRST CELL | columns: HEAD; HEAD -->
+<!-- figure: STUDY: NAME -->
+
+tests/project/test_docs_results.py fails while a page is not what this writes.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+from fbql.statistics.tables import Table, as_markdown
+from fbql_studies.runner.study import STUDIES, study_of
+
+HERE = Path(__file__).resolve().parent
+DATA = HERE / "data"
+IMAGES = HERE / "images"
+RESULTS = HERE / "results"
+PAGES = (HERE / "fusion.md", HERE / "trees.md")
+PLACE = re.compile(r"(<!-- (table|figure): (\w+): ([^|>]+?)((?: \| \w+: [^|>]+?)*) -->\n).*?(<!-- end -->)", re.DOTALL)
+KEPT = ("table", "columns", "options", "git_revision", "tasks", "done", "failed")
+
+
+def take(directory: Path) -> None:
+    """Copies a study's results into docs/data, and its figures into docs/images where they can't be redrawn from there."""
+    study = json.loads((directory / "config.json").read_text())["study"]
+    found = json.loads((directory / "table.json").read_text())
+    kept = {name: found[name] for name in KEPT}
+    (DATA / f"{study}.json").write_text(f"{json.dumps(kept, indent=1)}\n")
+    if (directory / "curves.json").exists():
+        shutil.copyfile(directory / "curves.json", DATA / f"{study}_curves.json")
+    else:
+        for figure in directory.glob("*.svg"):
+            shutil.copyfile(figure, IMAGES / figure.name)
+
+
+def results_page(study: str) -> str:
+    """The page of a study's results."""
+    module, data = study_of(study), _data(study)
+    parts = [f"# Results: {study.replace('_', ' ')}", f"{_capitalized(module.DESCRIPTION)}."]
+    if data is None:
+        return "\n\n".join([*parts, _not_measured(study)]) + "\n"
+    parts += [
+        f"```\n{_command(study, data)}\n```",
+        f"Measured at revision {data['git_revision']}. Written by `docs/make_results.py` from "
+        f"[{study}.json](../data/{study}.json), which describes every column.",
+    ]
+    parts += [f"## {_capitalized(title)}\n\n{as_markdown(table)}" for title, table in _tables(study, data).items()]
+    if module.CAPTIONS:
+        parts.append("## Figures")
+    parts += [_figure(file, caption, "../images") for file, caption in module.CAPTIONS.items()]
+    return "\n\n".join(parts) + "\n"
+
+
+def index_page() -> str:
+    """The list of all results."""
+    rows = [[f"[{name}]({name}.md)", study_of(name).DESCRIPTION] for name in sorted(STUDIES)]
+    return (
+        "# Results of the studies\n\nOne page a study, written by `docs/make_results.py`. What follows from them: "
+        "[fusion.md](../fusion.md), [trees.md](../trees.md); how to run a study: [studies.md](../studies.md).\n\n"
+        f"{as_markdown(Table(['study', 'what'], rows))}\n"
+    )
+
+
+def page(text: str) -> str:
+    """A page with its generated blocks made anew."""
+    return PLACE.sub(lambda place: f"{place[1]}{_block(*place.group(2, 3, 4, 5))}\n{place[6]}", text)
+
+
+def _block(kind: str, study: str, title: str, choice: str) -> str:
+    data = _data(study)
+    if data is None:
+        return _not_measured(study)
+    if kind == "figure":
+        return _figure(title, study_of(study).CAPTIONS[title], "images")
+    link = f"*`{_command(study, data)}`, [all results](results/{study}.md#{_anchor(title)})*"
+    return f"{as_markdown(_chosen(_tables(study, data)[title], choice))}\n\n{link}"
+
+
+def _chosen(table: Table, choice: str) -> Table:
+    """The rows and columns of a table that a comment names, in its order; all where it names none."""
+    wanted = {kind: names.strip().split("; ") for kind, names in re.findall(r"\| (\w+): ([^|]+)", choice)}
+    columns = [table.head.index(name) for name in wanted.get("columns", table.head)]
+    by_name = {row[0]: row for row in table.body}
+    rows = [by_name[name] for name in wanted["rows"]] if "rows" in wanted else table.body
+    return Table([table.head[i] for i in columns], [[row[i] for i in columns] for row in rows])
+
+
+def _figure(file: str, caption: str, images: str) -> str:
+    return f"![{caption}]({images}/{file}.svg)\n\n*{caption}.*"
+
+
+def _tables(study: str, data: dict[str, Any]) -> dict[str, Table]:
+    return study_of(study).words(data["table"])
+
+
+def _data(study: str) -> dict[str, Any] | None:
+    """A study's data; None where it has not been measured."""
+    path = DATA / f"{study}.json"
+    return json.loads(path.read_text()) if path.exists() else None
+
+
+def _not_measured(study: str) -> str:
+    return f"*Not measured yet: `python3 scripts/experiment.py {study}`.*"
+
+
+def _command(study: str, data: dict[str, Any]) -> str:
+    options = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in data["options"].items())
+    return f"python3 scripts/experiment.py {study} {options}"
+
+
+def _capitalized(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _anchor(title: str) -> str:
+    """The anchor that GitHub gives to a heading."""
+    return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+
+
+def draw() -> list[Path]:
+    """Redraws the figures of every study whose numbers are in docs/data."""
+    from fbql_studies.fusion_figures import draw
+
+    found = [DATA / f"{study}_curves.json" for study in STUDIES]
+    return [file for path in found if path.exists() for file in draw(json.loads(path.read_text()), IMAGES)]
+
+
+def pages() -> dict[Path, str]:
+    """Every page that this writes -> its text."""
+    return {
+        RESULTS / "README.md": index_page(),
+        **{RESULTS / f"{study}.md": results_page(study) for study in sorted(STUDIES)},
+        **{path: page(path.read_text()) for path in PAGES},
+    }
+
+
+if __name__ == "__main__":
+    for argument in sys.argv[1:]:
+        take(Path(argument))
+    RESULTS.mkdir(exist_ok=True)
+    for path, text in pages().items():
+        path.write_text(text)
+        print(f"wrote {path}")
+    print("\n".join(f"wrote {file}" for file in draw()))

@@ -1,0 +1,101 @@
+"""docs/results, and the small tables of docs/fusion.md and docs/trees.md, are what docs/make_results.py writes from docs/data."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fbql_studies.runner.study import STUDIES, study_of
+from places import ROOT
+
+DOCS = ROOT / "docs"
+MOST_ROWS = 8
+"""Of a table between prose; the whole table is on the page of results."""
+
+
+@cache
+def generator() -> dict[str, Any]:
+    return runpy.run_path(str(DOCS / "make_results.py"))
+
+
+def test_every_page_is_what_the_generator_writes() -> None:
+    pages = generator()["pages"]()
+    assert {path.name for path in pages if path.parent.name == "results"} == {
+        path.name for path in (DOCS / "results").iterdir()
+    }
+    for path, text in pages.items():
+        assert path.read_text() == text, "in the environment (source scripts/env.sh) run `python docs/make_results.py`"
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_a_page_of_results_has_every_table_and_figure_of_its_study(study: str) -> None:
+    text = (DOCS / "results" / f"{study}.md").read_text()
+    data = json.loads((DOCS / "data" / f"{study}.json").read_text())
+    for title in study_of(study).words(data["table"]):
+        assert f"\n## {title[:1].upper()}{title[1:]}\n" in text
+    curves = DOCS / "data" / f"{study}_curves.json"
+    if curves.exists():
+        assert set(study_of(study).CAPTIONS) == {f"fusion_{name}" for name in json.loads(curves.read_text())}
+    for file in re.findall(r"\]\((\.\.?/[^)#]+)", text):
+        assert (DOCS / "results" / file).exists(), file
+    assert data["git_revision"] in text
+
+
+@pytest.mark.parametrize("name", ["fusion.md", "trees.md"])
+def test_a_table_between_prose_has_few_rows_and_a_link_to_all_of_them(name: str) -> None:
+    text = (DOCS / name).read_text()
+    blocks = re.findall(r"<!-- table: (\w+): [^|>]+.*?-->\n(.*?)<!-- end -->", text, re.DOTALL)
+    assert blocks
+    for _, block in blocks:
+        assert len([line for line in block.splitlines() if line.startswith("|")]) - 2 <= MOST_ROWS
+    for study, anchor in re.findall(r"\(results/(\w+)\.md#([^)]+)\)", text):
+        heads = re.findall(r"^## (.*)$", (DOCS / "results" / f"{study}.md").read_text(), re.MULTILINE)
+        assert anchor in {generator()["_anchor"](head) for head in heads}
+
+
+def test_a_study_without_data_is_said_to_be_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    functions = generator()["pages"].__globals__
+    monkeypatch.setitem(functions, "DATA", tmp_path)
+    for path, text in functions["pages"]().items():
+        if path.name != "README.md":
+            assert "*Not measured yet: `python3 scripts/experiment.py " in text
+    assert "| ---" not in functions["results_page"]("ladder")
+
+
+def test_a_study_is_taken_without_the_places_of_the_machine_that_it_ran_on(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    functions = generator()["take"].__globals__
+    for name in ("DATA", "IMAGES"):
+        (tmp_path / name).mkdir()
+        monkeypatch.setitem(functions, name, tmp_path / name)
+    (tmp_path / "config.json").write_text('{"study": "ladder", "options": {}}')
+    kept = {
+        "table": [],
+        "columns": {},
+        "options": {"trees": 5},
+        "git_revision": "1" * 40,
+        "tasks": 3,
+        "done": 3,
+        "failed": {},
+    }
+    (tmp_path / "table.json").write_text(json.dumps({**kept, "out": str(tmp_path)}))
+    (tmp_path / "trees_play.svg").write_text("<svg/>")
+    functions["take"](tmp_path)
+    assert json.loads((tmp_path / "DATA" / "ladder.json").read_text()) == kept
+    assert (tmp_path / "IMAGES" / "trees_play.svg").exists(), "without the numbers behind them, figures are copied"
+    (tmp_path / "curves.json").write_text("{}")
+    functions["take"](tmp_path)
+    assert (tmp_path / "DATA" / "ladder_curves.json").read_text() == "{}"
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_the_data_are_of_a_whole_study_and_name_no_place_of_a_machine(study: str) -> None:
+    found = json.loads((DOCS / "data" / f"{study}.json").read_text())
+    assert (found["done"], found["failed"]) == (found["tasks"], {})
+    assert not re.search(r'"[^"]*(/tmp|/home|/root|/work)', json.dumps(found))
