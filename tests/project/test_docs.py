@@ -1,4 +1,4 @@
-"""The documents tell of what is there: links, files, commands, code, tests, messages."""
+"""What the documents name exists: links, files, commands and their options, code, tests, messages, values."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import ast
 import importlib
 import json
 import re
+import shlex
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
 
 import pytest
+import yaml
+from fbql.cli.app import COMMANDS
 from fbql_behaviors.core.induction import InductionParameters
 from fbql_behaviors.core.instructors import Habits
 from fbql_behaviors.core.leaf_tuning import TuningParameters
@@ -25,25 +28,14 @@ from places import ROOT
 SOURCE = ROOT / "ros2_ws" / "src"
 DOCUMENTS = {
     str(path.relative_to(ROOT)): path
-    for pattern in ("*.md", "docs/*.md", "ros2_ws/src/*/README.md")
+    for pattern in ("*.md", "docs/*.md", "docs/results/*.md", "examples/*/README.md", "ros2_ws/src/*/README.md")
     for path in sorted(ROOT.glob(pattern))
-}
-EXPECTED = {
-    "README.md",
-    "CONTRIBUTING.md",
-    "CHANGELOG.md",
-    "docs/add_a_behavior.md",
-    "docs/architecture.md",
-    "docs/deviations.md",
-    "docs/glossary.md",
-    "docs/paper_to_code.md",
-    "docs/parameters.md",
-    "docs/trees.md",
-    "docs/recordings.md",
 }
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"`([^`\n]+)`")
+COMMAND = re.compile(r"(?:python3 scripts/(?=\w+\.py)|(?:ros2 run )?fbql )(\w+)(?:\.py)?\b(.*)")
+EXECUTABLE = re.compile(r"ros2 run (fbql_\w+) (\w+)")
 PLACE = re.compile(r"(?<![\w/.])((?:scripts|docs|tests|benchmarks|cmake|ros2_ws)/[\w./*-]*\w|\.ci/run)")
 MADE = ("ros2_ws/build", "ros2_ws/install", "ros2_ws/log")
 """Places that only the set-up makes."""
@@ -136,9 +128,31 @@ def is_code(dotted: str) -> bool:
     return True
 
 
-def test_the_documents_are_there() -> None:
-    assert set(DOCUMENTS) >= EXPECTED
-    assert sum(name.startswith("ros2_ws/") for name in DOCUMENTS) == 8
+def test_every_package_has_a_readme_and_the_main_one_leads_to_every_document() -> None:
+    packages = {path.parent.name for path in SOURCE.glob("*/package.xml")}
+    assert {path.parent.name for path in DOCUMENTS.values() if path.parent.parent == SOURCE} == packages
+    read = {target.partition("#")[0] for target in LINK.findall((ROOT / "README.md").read_text())}
+    assert not {name for name in DOCUMENTS if name.startswith("docs/") and name.count("/") == 1} - read
+
+
+def test_the_readme_names_every_command_and_shows_few_results() -> None:
+    text = (ROOT / "README.md").read_text()
+    for name in (*COMMANDS, "experiment"):
+        assert re.search(rf"^\| `{name}\b", text, re.MULTILINE), name
+    results = text.partition("## Results")[2].partition("\n## ")[0]
+    assert len([line for line in results.splitlines() if line.startswith("|")]) - 2 <= 8
+
+
+def test_the_page_about_fusion_is_short_enough_to_be_read() -> None:
+    assert len((ROOT / "docs" / "fusion.md").read_text().split()) <= 4000
+
+
+def test_the_citation_is_of_this_version_and_names_the_paper() -> None:
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert cited["cff-version"] == "1.2.0"
+    assert {"message", "title", "authors"} <= set(cited)
+    assert f'version = "{cited["version"]}"' in (ROOT / "pyproject.toml").read_text()
+    assert cited["references"][0]["title"] == "Behavioral-Fusion Control Based on Reinforcement Learning"
 
 
 @every_document()
@@ -156,8 +170,27 @@ def test_no_link_is_dead(path: Path) -> None:
 
 @every_document()
 def test_every_file_and_command_that_is_told_of_is_there(path: Path) -> None:
-    told = {place for place in PLACE.findall(path.read_text()) if not place.startswith(MADE)}
+    told = {place for place in PLACE.findall(path.read_text()) if not place.startswith(MADE) and "NAME" not in place}
     assert not {place for place in told if not any(ROOT.glob(place))}
+
+
+@every_document()
+def test_every_command_line_is_one_that_its_command_takes(path: Path) -> None:
+    for block in FENCE.findall(path.read_text()):
+        for line in block.replace("\\\n", " ").splitlines():
+            found = COMMAND.match(line)
+            if found and found[1] != "test":
+                module = "fbql_studies.experiment" if found[1] == "experiment" else f"fbql.commands.{found[1]}"
+                try:
+                    importlib.import_module(module).parser(found[1]).parse_args(shlex.split(found[2], comments=True))
+                except SystemExit:
+                    pytest.fail(f"not a command line: {line}")
+
+
+@every_document()
+def test_every_executable_is_one_of_its_package(path: Path) -> None:
+    for package, executable in EXECUTABLE.findall(path.read_text()):
+        assert re.search(rf'"{executable}\b', (SOURCE / package / "setup.py").read_text()), (package, executable)
 
 
 @every_document()
