@@ -19,8 +19,7 @@ from damaged_recordings import Case, Sound, corpus, mcap_of, record_sound
 from damaged_recordings import main as make_corpus
 from fbql.cli.interrupts import NUMBERS
 from fbql_common.core.errors import BadInput
-from fbql_recording import Run, open_run
-from fbql_recording.recovery.recovery import recover
+from fbql_recording import Run, open_run, recover
 from verified_run import verification_of
 
 Told = tuple[Any, ...]
@@ -206,7 +205,7 @@ from pathlib import Path
 from damaged_recordings import Sound, corpus
 from fbql_recording import open_run
 from fbql_common.core.errors import BadInput
-from fbql_recording.recovery.recovery import recover
+from fbql_recording import recover
 resource.setrlimit(resource.RLIMIT_AS, ({FEW_MIB}, {FEW_MIB}))
 done = 0
 sound = Sound(*map(Path, {[str(run) for run in sound]!r}))

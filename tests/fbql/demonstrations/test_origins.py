@@ -200,8 +200,8 @@ def test_recordings_of_two_behaviors_are_not_merged(
         ([BEHAVIOR, "--keyboard", "--steps", "5"], "--steps does not go with --keyboard"),
         ([BEHAVIOR, "--keyboard", "--realtime", "nan"], "--realtime is nan"),
         (["--replay", "x", "--merge", "y"], "two things"),
-        (["--replay", "nowhere"], "nowhere: cannot be read"),
-        (["--merge", "nowhere", "nothing"], "nowhere: cannot be read"),
+        (["--replay", "nowhere"], "nowhere: no such file"),
+        (["--merge", "nowhere", "nothing"], "nowhere: no such file"),
         (["dance", "--keyboard"], "unknown behavior 'dance'"),
     ],
 )

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 from damaged_recordings import attachment, mcap_of, records_of
-from fbql_recording import open_run
-from fbql_recording.recovery.recovery import Recovery, recover
+from fbql_recording import Recovery, open_run, recover
 from javascript_reader import read_with_javascript
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
@@ -77,7 +76,7 @@ def test_of_a_damaged_chunk_every_message_is_accounted_for(run, number):
     assert (found.chunks_lost, found.is_complete) == (1, False)
     assert sum(found.messages_lost.values()) == len(missing) > 0
     assert found.messages == len(after)
-    ((_, loss),) = found.losses
+    ((_, loss),) = found.gaps
     times = [message.log_time_ns for message in missing.values()]
     assert (loss.start_ns, loss.end_ns) == (min(times), max(times))
     assert found.steps == len({message.log_time_ns for message in after.values()})
@@ -99,7 +98,7 @@ def test_a_verified_replay_of_a_recovered_run_goes_on_to_the_gap(run):
     steps = [step.stamp_ns for step in open_run(run).steps()]
     spoil_chunk(run, 1)
     found = recovered(run)
-    ((_, loss),) = found.losses
+    ((_, loss),) = found.gaps
     verified = verification_of(found.path)
     assert verified.difference is None
     assert verified.steps + verified.unfinished == sum(stamp <= loss.start_ns for stamp in steps) > 0

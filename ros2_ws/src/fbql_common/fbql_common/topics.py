@@ -1,18 +1,36 @@
-"""Names of topics and services, and their quality of service. Names are relative: a node's namespace applies."""
+"""Topics as nodes use them: their names (`core.topic_names`) with the quality of service of each."""
 
 from __future__ import annotations
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-WORLD = "world"
-WHEEL_COMMAND = "wheel_command"
-DECISION = "fusion/decision"
-ROBOT_POSE = "robot/pose"
-BALL_POSE = "ball/pose"
-WALL_POSE = "wall/pose"
-CLOCK = "/clock"
-DIAGNOSTICS = "/diagnostics"
-RESET_EPISODE = "simulator/reset_episode"
+from fbql_common.core.topic_names import (
+    BALL_POSE,
+    CLOCK,
+    DECISION,
+    DIAGNOSTICS,
+    RESET_EPISODE,
+    ROBOT_POSE,
+    WALL_POSE,
+    WHEEL_COMMAND,
+    WORLD,
+    behavior_topic,
+)
+
+__all__ = [
+    "BALL_POSE",
+    "CLOCK",
+    "DECISION",
+    "DIAGNOSTICS",
+    "POSE_QOS",
+    "RESET_EPISODE",
+    "ROBOT_POSE",
+    "STEP_QOS",
+    "WALL_POSE",
+    "WHEEL_COMMAND",
+    "WORLD",
+    "behavior_topic",
+]
 
 STEP_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
@@ -23,9 +41,4 @@ STEP_QOS = QoSProfile(
 """For every message of a step: reliable, because a step waits for each of them."""
 
 POSE_QOS = STEP_QOS
-"""For the topics for ROS tools."""
-
-
-def behavior_topic(name: str) -> str:
-    """The topic that behavior `name` answers on."""
-    return f"behaviors/{name}"
+"""For the topics that are made for ROS tools."""

@@ -1,19 +1,57 @@
-"""What a recording says about its message types: the ros2msg schema text and the type hash, from share directories."""
+"""What a recording says about its message types: the ros2msg schema text and the type hash.
+
+Those of the messages of a step are kept in messages.json, so that recordings can be written without ROS. After a change of
+a .msg file make it again, in a shell of the built workspace: `python -m fbql_recording.message_definitions`.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from fbql_common.core.errors import BadInput
 
+from fbql_recording.core.decoding import TYPES, MessageCodec
+
+_MESSAGES = Path(__file__).with_name("messages.json")
 _INTEGERS = tuple(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))
 _PRIMITIVES = frozenset((*_INTEGERS, "bool", "byte", "char", "float32", "float64", "string", "wstring"))
 _SEPARATOR = "=" * 80
 
 FindShare = Callable[[str], Path]
 """A package's share directory, from its name."""
+
+
+class MessageDefinition(NamedTuple):
+    """What a recording says about one message type."""
+
+    type_name: str
+    """pkg/msg/Name"""
+    schema_text: str
+    type_hash: str
+
+    @property
+    def codec(self) -> MessageCodec[Any]:
+        """What makes bytes of the domain type, the same as a node publishes, and the domain type of bytes."""
+        return MessageCodec(self.type_name, self.schema_text)
+
+
+@cache
+def step_messages() -> dict[type[Any], MessageDefinition]:
+    """The definitions of the messages of a step, by domain type (World, BehaviorOutput, WheelCommand, Decision)."""
+    entries = json.loads(_MESSAGES.read_bytes())
+    return {kind: MessageDefinition(name, **entries[name]) for name, kind in TYPES.items()}
+
+
+def definitions_in(find_share: FindShare) -> dict[str, dict[str, str]]:
+    """What messages.json should hold, by the definitions that are installed. Raises BadInput."""
+    return {
+        name: {"schema_text": schema_text(name, find_share), "type_hash": type_hash(name, find_share)} for name in TYPES
+    }
 
 
 def schema_text(type_name: str, find_share: FindShare) -> str:
@@ -91,3 +129,14 @@ def _contained(type_name: str, text: str) -> list[str]:
         package = parts[0] if len(parts) > 1 else type_name.split("/")[0]
         names.append(f"{package}/msg/{parts[-1]}")
     return names
+
+
+def _installed(package: str) -> Path:
+    """The share directory of a package of a sourced workspace."""
+    prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    shares = [prefix / "share" / package for prefix in prefixes]
+    return next((share for share in shares if share.is_dir()), Path(package))
+
+
+if __name__ == "__main__":
+    _MESSAGES.write_text(json.dumps(definitions_in(_installed), indent=1) + "\n", encoding="utf-8")

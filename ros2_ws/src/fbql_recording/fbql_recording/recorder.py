@@ -13,17 +13,13 @@ from typing import NamedTuple
 
 from fbql_common.atomic_file import write_atomically
 from fbql_common.core.errors import BadInput
-from fbql_common.core.recording_names import RUN_RECORD
+from fbql_common.core.recording_names import BAG_RECORD, RUN_RECORD
 
 from fbql_recording.bag_metadata import BagTopic, Qos, bag_information, qos_profiles, to_yaml
 from fbql_recording.mcap.writer import McapWriter, WriterChannel
 
 CHUNK_BYTES = 256 * 1024
 """Uncompressed size of a chunk: what a crash loses, unless `flush` is called more often."""
-
-
-BAG_RECORD = "rosbag2"
-"""Metadata record that holds metadata.yaml once more, as rosbag2 has it."""
 
 
 class Channel(NamedTuple):

@@ -9,8 +9,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from fbql_recording.recovery.recovery import Recovery, recover
-from fbql_recording.recovery.survey import Loss
+from fbql_recording import Gap, Recovery, recover
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
@@ -72,15 +71,15 @@ def _values(found: Recovery, seconds: float) -> dict[str, Any]:
         "lost": [
             {
                 "file": name,
-                "begin": loss.begin,
-                "end": loss.end,
-                "why": loss.why,
-                "chunks": loss.chunks,
-                "start_ns": loss.start_ns,
-                "end_ns": loss.end_ns,
-                "messages": sum(loss.messages.values()),
+                "begin": gap.begin,
+                "end": gap.end,
+                "why": gap.why,
+                "chunks": gap.chunks,
+                "start_ns": gap.start_ns,
+                "end_ns": gap.end_ns,
+                "messages": sum(gap.messages.values()),
             }
-            for name, loss in found.losses
+            for name, gap in found.gaps
         ],
         "notes": found.notes,
         "seconds": round(seconds, 3),
@@ -90,7 +89,7 @@ def _values(found: Recovery, seconds: float) -> dict[str, Any]:
 def _words(found: Recovery) -> str:
     lines = [f"recovered {found.messages} messages, {found.steps} steps"]
     lines += [f"damaged, but nothing is lost by it: {note}" for note in found.notes]
-    lines += [f"lost: {name}: {_loss(loss)}" for name, loss in found.losses]
+    lines += [f"lost: {name}: {_gap(gap)}" for name, gap in found.gaps]
     lines += [
         f"lost: {name}: the file has no end; what came after the last flush is not in it" for name in found.cut_off
     ]
@@ -103,10 +102,10 @@ def _words(found: Recovery) -> str:
     return "\n".join([*lines, f"recording  {found.path}"])
 
 
-def _loss(loss: Loss) -> str:
-    words = [loss.why]
-    if loss.start_ns is not None and loss.end_ns is not None:
-        words.append(f"{loss.start_ns / 1e9:.3f} s to {loss.end_ns / 1e9:.3f} s")
-    if loss.messages:
-        words.append(f"{sum(loss.messages.values())} messages")
+def _gap(gap: Gap) -> str:
+    words = [gap.why]
+    if gap.start_ns is not None and gap.end_ns is not None:
+        words.append(f"{gap.start_ns / 1e9:.3f} s to {gap.end_ns / 1e9:.3f} s")
+    if gap.messages:
+        words.append(f"{sum(gap.messages.values())} messages")
     return ", ".join(words)

@@ -7,16 +7,14 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
 from fbql_behaviors.core.patterns import Demonstration
 from fbql_behaviors.demonstration_storage import BEHAVIOR_KEY
 from fbql_common.core.errors import BadInput
+from fbql_common.core.topic_names import WHEEL_COMMAND, WORLD
 from fbql_common.core.types import WheelCommand, World
-from fbql_common.topics import STEP_QOS, WHEEL_COMMAND, WORLD
-from fbql_common.wire import encode_command, encode_world, type_name
-from fbql_recording.bag_metadata import qos_of
-from fbql_recording.message_definitions import schema_text, type_hash
-from fbql_recording.recorder import Channel, Recorder
+from fbql_recording import Channel, Recorder
+from fbql_recording.bag_metadata import Qos
+from fbql_recording.message_definitions import step_messages
 
 PAUSE_NS = 1_000_000_000
 """Time between the demonstrations of `in_sequence` [ns]."""
@@ -65,7 +63,10 @@ def write_demonstrations(
     False when the disk failed meanwhile; `report` is told why. Raises BadInput when it can't be written there at all.
     """
     custom_data = {BEHAVIOR_KEY: behavior, **{key: json.dumps(value) for key, value in about.items()}}
-    recorder = Recorder(directory, _channels(), custom_data, (), report)
+    messages = {f"/{WORLD}": step_messages()[World], f"/{WHEEL_COMMAND}": step_messages()[WheelCommand]}
+    channels = [Channel(topic, *definition, Qos()) for topic, definition in messages.items()]
+    encode_world, encode_command = (definition.codec.encode for definition in messages.values())
+    recorder = Recorder(directory, channels, custom_data, (), report)
     for demonstration in demonstrations:
         for world, command in zip(demonstration.worlds, demonstration.commands, strict=True):
             recorder.write(_WORLD, encode_world(world), world.stamp_ns)
@@ -94,19 +95,3 @@ def in_sequence(demonstrations: Iterable[Demonstration]) -> list[Demonstration]:
         made.append(Demonstration(worlds, commands))
         end_ns = worlds[-1].stamp_ns
     return made
-
-
-def _channels() -> list[Channel]:
-    def share(package: str) -> Path:
-        return Path(get_package_share_directory(package))
-
-    return [
-        Channel(
-            f"/{topic}",
-            type_name(kind),
-            schema_text(type_name(kind), share),
-            type_hash(type_name(kind), share),
-            qos_of(STEP_QOS),
-        )
-        for topic, kind in ((WORLD, World), (WHEEL_COMMAND, WheelCommand))
-    ]

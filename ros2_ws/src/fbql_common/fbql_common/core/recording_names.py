@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 RUN_RECORD = "fbql"
-"""Metadata record about the run, at the beginning; same content as custom_data in metadata.yaml."""
+"""Metadata record about the run, at the beginning; the same as custom_data in metadata.yaml."""
+BAG_RECORD = "rosbag2"
+"""Metadata record that holds metadata.yaml once more, as rosbag2 has it."""
 RESTART_RECORD = "fbql_episode_restart"
 """Metadata record before the first step of an episode that restarts because its world was lost."""
 RECOVERY_RECORD = "fbql_recovery"

@@ -1,20 +1,41 @@
-"""The MCAP format's records: what their bytes look like, and how chunks are unpacked without believing what they claim.
+"""The records of an MCAP file, taken from bytes of which none is believed until it is checked.
 
-Format: the MCAP specification, version 0.
+Source: the MCAP specification, version 0. The records themselves are those of the `mcap` package; its readers can't go on
+behind a damaged record, which is why the file's outermost structure is read here.
 """
 
 from __future__ import annotations
 
 import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
 from struct import Struct
-from typing import NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import lz4.frame
 import zstandard
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.writer import MCAP0_MAGIC
 
 MAX_RECORD_BYTES = 64 * 2**20
-"""Largest record, and largest unpacked chunk, that is read."""
+"""Largest record, and largest uncompressed chunk, that is read."""
 HEAD = Struct("<BQ")
 """opcode, length"""
 MESSAGE = Struct("<HIQQ")
@@ -23,133 +44,237 @@ CODECS = ("", "zstd", "lz4")
 """How chunks may be compressed."""
 PROFILES = ("ros2", "")
 """Profiles of recordings of ROS 2."""
-
 FIRST_PRIVATE = 0x80
-"""From here on kinds of records are not the specification's, and their content is anything."""
+"""Opcodes from here on are not the specification's; a reader skips such records."""
 
 _CHUNK = Struct("<QQQII")
-"""start, end, unpacked size, CRC of the unpacked records, length of the compression's name"""
-LAYOUTS = {
+"""start, end, uncompressed size, CRC of the uncompressed records, length of the compression's name"""
+_FOOTER = Struct("<BQQQI")
+"""opcode, length, start of the summary, start of the summary offsets, CRC of the summary"""
+FOOTER_BYTES = _FOOTER.size + len(MCAP0_MAGIC)
+"""The footer and the magic behind it, which end every whole file."""
+_RECORDS: dict[int, Any] = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.METADATA: Metadata,
+    Opcode.STATISTICS: Statistics,
+    Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
+    Opcode.SUMMARY_OFFSET: SummaryOffset,
+}
+_FIELDS = {
     Opcode.HEADER: "ss",
-    Opcode.FOOTER: "8 8 4",
-    Opcode.SCHEMA: "2 s s b",
-    Opcode.CHANNEL: "2 2 s s m",
-    Opcode.CHUNK: "8 8 8 4 s B",
-    Opcode.MESSAGE_INDEX: "2 x",
-    Opcode.CHUNK_INDEX: "8 8 8 8 c 8 s 8 8",
-    Opcode.ATTACHMENT: "8 8 s s B 4",
-    Opcode.ATTACHMENT_INDEX: "8 8 8 8 8 s s",
-    Opcode.STATISTICS: "8 2 4 4 4 4 8 8 c",
-    Opcode.METADATA: "s m",
-    Opcode.METADATA_INDEX: "8 8 s",
-    Opcode.SUMMARY_OFFSET: "1 8 8",
+    Opcode.SCHEMA: "2sss",
+    Opcode.CHANNEL: "22sss",
+    Opcode.CHUNK: "8884sS",
+    Opcode.MESSAGE_INDEX: "2s",
+    Opcode.ATTACHMENT: "88ssS4",
+    Opcode.METADATA: "ss",
     Opcode.DATA_END: "4",
 }
-"""Fields of each kind of record: bytes of a number; s: text; b, B: bytes after a length of 4 or 8; m: map of texts;
-x: entries of 16 bytes, c: entries of 10 bytes after their length."""
-TELLING = tuple(kind for kind, layout in LAYOUTS.items() if set(layout) & set("sbBmxc"))
-"""Kinds whose structure tells them from all others: it has lengths that have to fit."""
-_ENTRY_BYTES = {"m": 1, "x": 16, "c": 10}
+"""Fields of the records of the data section: bytes of a number; s, S: bytes that follow their length, in 4 or 8 bytes."""
 
 
-class ChunkHead(NamedTuple):
-    """What a chunk says about itself."""
+class Damaged(ValueError):
+    """Bytes that are not the sound record that they should be; the text says why."""
+
+
+class Chunk(NamedTuple):
+    """A chunk, still compressed."""
 
     start_ns: int
+    """Smallest log time [ns], by the chunk itself: no CRC covers it."""
     end_ns: int
+    """Largest log time [ns]."""
     size: int
-    """Unpacked [bytes]."""
+    """Of the uncompressed records [bytes]."""
     crc: int
-    """Of the unpacked records; 0: none."""
+    """Of the uncompressed records; 0: none."""
     codec: str
-    begin: int
-    """Where the packed records begin in the chunk's body."""
-    packed_size: int
+    """One of CODECS, where it can be read."""
+    packed: bytes
 
 
-def chunk_head(body: bytes) -> ChunkHead:
-    """The head of a chunk's body. Raises struct.error or UnicodeDecodeError where it is no such."""
-    start_ns, end_ns, size, crc, name_length = _CHUNK.unpack_from(body)
-    codec = body[_CHUNK.size : _CHUNK.size + name_length].decode()
-    begin = _CHUNK.size + name_length + 8
-    (packed_size,) = struct.unpack_from("<Q", body, begin - 8)
-    return ChunkHead(start_ns, end_ns, size, crc, codec, begin, packed_size)
+@dataclass
+class Summary:
+    """What the summary of an MCAP file says; records of the data section by the byte where each begins."""
+
+    start: int = 0
+    """Its first byte."""
+    has_crc: bool = False
+    """Whether a CRC covers it (it matches)."""
+    schemas: list[Schema] = field(default_factory=list[Schema])
+    channels: list[Channel] = field(default_factory=list[Channel])
+    statistics: Statistics | None = None
+    chunks: dict[int, ChunkIndex] = field(default_factory=dict[int, ChunkIndex])
+    attachments: dict[int, AttachmentIndex] = field(default_factory=dict[int, AttachmentIndex])
+    metadata: dict[int, MetadataIndex] = field(default_factory=dict[int, MetadataIndex])
 
 
-def unpacked(codec: str, packed: bytes, size: int) -> bytes:
-    """The records of a chunk; never more than a byte beyond the size that is given.
+def read_summary(file: BinaryIO, size: int) -> Summary | None:
+    """The summary of a file of `size` bytes; None where it has none.
 
     Raises:
-        ValueError: they can't be unpacked.
+        Damaged: its CRC does not match, or it is not a summary.
+    """
+    footer_at = size - FOOTER_BYTES
+    if footer_at < len(MCAP0_MAGIC):
+        raise Damaged("its footer is missing")
+    file.seek(footer_at)
+    footer = file.read(_FOOTER.size)
+    opcode, length, start, _, crc = _FOOTER.unpack(footer)
+    if (opcode, length) != (Opcode.FOOTER, 20):
+        raise Damaged("its footer is damaged")
+    if start == 0:
+        return None
+    if not len(MCAP0_MAGIC) <= start <= footer_at:
+        raise Damaged("its footer is damaged")
+    if footer_at - start > MAX_RECORD_BYTES:
+        raise Damaged(f"its summary is larger than {MAX_RECORD_BYTES >> 20} MiB")
+    file.seek(start)
+    data = file.read(footer_at - start)
+    if crc and zlib.crc32(data + footer[:-4]) != crc:
+        raise Damaged("the CRC of its summary does not match")
+    summary = Summary(start, crc != 0)
+    for opcode, begin, end in records_in(data):
+        if opcode in _RECORDS:
+            _add(summary, parse(opcode, data[begin:end]))
+    return summary
+
+
+def _add(summary: Summary, record: McapRecord) -> None:
+    if isinstance(record, Schema):
+        summary.schemas.append(record)
+    elif isinstance(record, Channel):
+        summary.channels.append(record)
+    elif isinstance(record, Statistics):
+        summary.statistics = record
+    elif isinstance(record, ChunkIndex):
+        summary.chunks[record.chunk_start_offset] = record
+    elif isinstance(record, AttachmentIndex):
+        summary.attachments[record.offset] = record
+    elif isinstance(record, MetadataIndex):
+        summary.metadata[record.offset] = record
+
+
+def parse(opcode: int, body: bytes) -> Any:
+    """A record of the `mcap` package; its body consists of its fields to the last byte, and its CRC, if any, matches.
+
+    Raises:
+        Damaged: it is not such a record.
     """
     try:
-        if codec == "zstd":
-            # The frame's own size is not believed: a small chunk may promise terabytes.
-            with zstandard.ZstdDecompressor().stream_reader(packed) as reader:
-                return reader.read(size + 1)
-        if codec == "lz4":
-            return lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1)
-    except (zstandard.ZstdError, RuntimeError, EOFError) as error:
-        raise ValueError(str(error)) from None
-    return packed
+        record = _RECORDS[opcode].read(ReadDataStream(BytesIO(body)))
+        builder = RecordBuilder()
+        record.write(builder)
+    except (McapError, struct.error, UnicodeDecodeError, ValueError, OverflowError, KeyError) as error:
+        raise Damaged(f"it is not a record of kind {opcode}") from error
+    written = builder.end()[HEAD.size :]
+    if opcode == Opcode.ATTACHMENT and written[:-4] == body[:-4]:
+        if body[-4:] not in (written[-4:], bytes(4)):
+            raise Damaged(f"the CRC of attachment {record.name} does not match")
+    elif written != body:
+        raise Damaged(f"it is not a record of kind {opcode}")
+    return record
 
 
-def has_layout(opcode: int, data: bytes, begin: int, end: int) -> bool:
-    """Whether a record's body, data[begin:end], consists of the fields of its kind, to the last byte.
-
-    The end may lie beyond the data: what is in long fields is not looked at.
-    """
-    layout = LAYOUTS.get(Opcode(opcode)) if opcode in _OPCODES else None
-    if layout is None:
-        return False
-    at = begin
-    try:
-        for field in layout.replace(" ", ""):
-            if field.isdigit():
-                at += int(field)
-                continue
-            wide = field == "B"
-            (length,) = struct.unpack_from("<Q" if wide else "<I", data, at)
-            at += 8 if wide else 4
-            if at + length > end or length % _ENTRY_BYTES.get(field, 1):
-                return False
-            if field == "s":
-                data[at : at + length].decode()
-            elif field == "m" and not _is_map(data, at, at + length):
-                return False
-            at += length
-    except (struct.error, UnicodeDecodeError):
-        return False
-    return at == end
-
-
-def inner_length(opcode: int, data: bytes) -> int | None:
-    """How long a chunk's or attachment's body is by the length of what is in it; `data` begins with the body."""
+def length_by_fields(opcode: int, body: bytes) -> int | None:
+    """How long a record of the data section is by the lengths in it; None where `body` is too short to tell."""
     at = 0
     try:
-        for field in LAYOUTS[Opcode(opcode)].replace(" ", ""):
-            if field == "B":
-                at += 8 + struct.unpack_from("<Q", data, at)[0]
-            elif field == "s":
-                at += 4 + struct.unpack_from("<I", data, at)[0]
+        for name in _FIELDS[Opcode(opcode)]:
+            if name == "s":
+                at += 4 + struct.unpack_from("<I", body, at)[0]
+            elif name == "S":
+                at += 8 + struct.unpack_from("<Q", body, at)[0]
             else:
-                at += int(field)
-    except struct.error:
+                at += int(name)
+    except (KeyError, ValueError, struct.error):
         return None
     return at
 
 
-def _is_map(data: bytes, at: int, end: int) -> bool:
-    """Whether data[at:end] is texts, two by two."""
-    texts = 0
+def fits(opcode: int, length: int, body: bytes) -> bool:
+    """Whether a record of the data section is as long as the lengths in it say; `body` may lack its end."""
+    if opcode == Opcode.MESSAGE_INDEX and length % 16 != 6:
+        return False
+    return length_by_fields(opcode, body) == length
+
+
+def is_misnamed(body: bytes, *, follows_chunk: bool) -> bool:
+    """Whether a message outside of chunks, or a private record, is by its lengths another record with a damaged opcode."""
+    kinds = [kind for kind in _FIELDS if kind != Opcode.DATA_END and (follows_chunk or kind != Opcode.MESSAGE_INDEX)]
+    return any(fits(kind, len(body), body) for kind in kinds)
+
+
+def parse_chunk(body: bytes) -> Chunk:
+    """A chunk from its record's body.
+
+    Raises:
+        Damaged: it is not a chunk.
+    """
+    try:
+        start_ns, end_ns, size, crc, name_length = _CHUNK.unpack_from(body)
+        begin = _CHUNK.size + name_length
+        codec = body[_CHUNK.size : begin].decode()
+        (packed_size,) = struct.unpack_from("<Q", body, begin)
+    except (struct.error, UnicodeDecodeError):
+        raise Damaged("its head is not that of a chunk") from None
+    if begin + 8 + packed_size != len(body):
+        raise Damaged("its sizes do not fit")
+    return Chunk(start_ns, end_ns, size, crc, codec, body[begin + 8 :])
+
+
+def unpack(chunk: Chunk) -> bytes:
+    """The records of a chunk whose codec is known; at most a byte more than the size that it states is ever unpacked.
+
+    Raises:
+        Damaged: they can't be unpacked, or are not those that it was made of.
+    """
+    data = chunk.packed
+    try:
+        if chunk.codec == "zstd":
+            # The frame's own size is not believed: a small chunk may promise terabytes.
+            with zstandard.ZstdDecompressor().stream_reader(chunk.packed) as reader:
+                data = reader.read(chunk.size + 1)
+        elif chunk.codec == "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.packed, max_length=chunk.size + 1)
+    except (zstandard.ZstdError, RuntimeError, EOFError):
+        raise Damaged("it can't be unpacked") from None
+    if len(data) != chunk.size:
+        raise Damaged(f"it unpacks to {len(data)} bytes instead of {chunk.size}")
+    if chunk.crc and zlib.crc32(data) != chunk.crc:
+        raise Damaged("its CRC does not match")
+    return data
+
+
+def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """The records of a chunk or summary: opcode, and the first byte and the end of the body.
+
+    Raises:
+        Damaged: these are not records.
+    """
+    at, end, head, size, message = 0, len(data), HEAD.unpack_from, HEAD.size, int(Opcode.MESSAGE)
     while at < end:
-        (length,) = struct.unpack_from("<I", data, at)
-        at += 4 + length
-        if at > end:
-            return False
-        data[at - length : at].decode()
-        texts += 1
-    return at == end and texts % 2 == 0
+        try:
+            opcode, length = head(data, at)
+        except struct.error:
+            raise Damaged("its records are cut off") from None
+        begin = at + size
+        at = begin + length
+        if at > end or (opcode == message and length < MESSAGE.size):
+            raise Damaged("its records are cut off")
+        yield opcode, begin, at
 
 
-_OPCODES = frozenset(int(opcode) for opcode in LAYOUTS)
+def data_crc(file: BinaryIO, end: int) -> int:
+    """The CRC of a file's first `end` bytes."""
+    crc = 0
+    file.seek(0)
+    while end > 0 and (data := file.read(min(end, 2**20))):
+        crc = zlib.crc32(data, crc)
+        end -= len(data)
+    return crc

@@ -6,38 +6,37 @@ error that names the place, or, where the caller wants the rest, is skipped and 
 
 from __future__ import annotations
 
-import struct
 import zlib
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from fbql_common.core.errors import BadInput
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Footer, Metadata, Schema, Statistics
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from fbql_recording.mcap.format import (
     CODECS,
     FIRST_PRIVATE,
+    FOOTER_BYTES,
     HEAD,
     MAX_RECORD_BYTES,
     MESSAGE,
     PROFILES,
-    TELLING,
-    chunk_head,
-    has_layout,
-    unpacked,
+    Damaged,
+    fits,
+    is_misnamed,
+    parse,
+    parse_chunk,
+    read_summary,
+    records_in,
+    unpack,
 )
 
-_FOOTER_BYTES = HEAD.size + 20 + len(MCAP0_MAGIC)
-_NO_RECORD = (McapError, struct.error, UnicodeDecodeError, ValueError, OverflowError, EOFError)
-"""What the mcap package raises for bytes that are no such record."""
+_MESSAGE = int(Opcode.MESSAGE)
 
 
 class Corrupt(BadInput):
@@ -69,6 +68,18 @@ class Topic:
     """`offered_qos_profiles`, `topic_type_hash`, where they are recorded."""
     message_encoding: str
     schema_encoding: str
+
+
+def topic_of(channel: Channel, schema: Schema | None) -> Topic:
+    """What a channel and its schema say. Raises UnicodeDecodeError: the schema is not a text."""
+    return Topic(
+        channel.topic,
+        "" if schema is None else schema.name,
+        "" if schema is None else schema.data.decode(),
+        channel.metadata,
+        channel.message_encoding,
+        "" if schema is None else schema.encoding,
+    )
 
 
 @dataclass
@@ -134,7 +145,11 @@ class McapFile:
         """Whether the file has its end."""
         self._skip_corrupt = skip_corrupt
         self._schemas: dict[int, Schema] = {}
-        self._check_file()
+        if not path.exists():
+            raise BadInput(f"{path}: no such file")
+        if not path.is_file():
+            raise BadInput(f"{path}: not a file")
+        self.size = path.stat().st_size
         with self._open() as file:
             self._check_ends(file)
             if not (self.is_whole and self._read_summary(file)):
@@ -164,13 +179,6 @@ class McapFile:
         except OSError as error:
             raise BadInput(f"{self.path}: can't be read ({error.strerror})") from None
 
-    def _check_file(self) -> None:
-        if not self.path.exists():
-            raise BadInput(f"{self.path}: no such file")
-        if not self.path.is_file():
-            raise BadInput(f"{self.path}: not a file")
-        self.size = self.path.stat().st_size
-
     def _check_ends(self, file: BinaryIO) -> None:
         if self.size == 0:
             raise BadInput(f"{self.path}: the file is empty (0 bytes); nothing was recorded")
@@ -179,57 +187,33 @@ class McapFile:
             raise BadInput(f"{self.path}: not an MCAP file (it does not begin like one)")
         if len(magic) < len(MCAP0_MAGIC):
             raise BadInput(f"{self.path}: cut off after {len(magic)} bytes; nothing was recorded")
-        if self.size >= len(MCAP0_MAGIC) + _FOOTER_BYTES:
+        if self.size > 2 * len(MCAP0_MAGIC):
             file.seek(self.size - len(MCAP0_MAGIC))
             self.is_whole = file.read() == MCAP0_MAGIC
 
     def _read_summary(self, file: BinaryIO) -> bool:
-        """Takes topics, statistics, attachments and metadata from a whole file's summary. False: it has none."""
-        footer_at = self.size - _FOOTER_BYTES
-        file.seek(footer_at)
-        tail = file.read(_FOOTER_BYTES)
-        opcode, length = HEAD.unpack_from(tail)
-        if opcode != Opcode.FOOTER or length != 20:
-            return self._complain(footer_at, "its footer is damaged")
-        footer = Footer.read(ReadDataStream(BytesIO(tail[HEAD.size :])))
-        if footer.summary_start == 0:
-            return False
-        if not len(MCAP0_MAGIC) <= footer.summary_start <= footer_at:
-            return self._complain(footer_at, "its footer is damaged")
-        if footer_at - footer.summary_start > MAX_RECORD_BYTES:
-            raise BadInput(f"{self.path}: a summary of more than {MAX_RECORD_BYTES >> 20} MiB is not read")
-        file.seek(footer.summary_start)
-        summary = file.read(footer_at - footer.summary_start)
-        if footer.summary_crc and zlib.crc32(summary + tail[:-12]) != footer.summary_crc:
-            return self._complain(footer.summary_start, "the CRC of its summary does not match")
-        statistics: Statistics | None = None
-        places: list[tuple[int, int]] = []
-        at = 0
+        """Reads topics, statistics, attachments and metadata by a whole file's summary. False: it does not have them."""
         try:
-            while at < len(summary):
-                opcode, length = HEAD.unpack_from(summary, at)
-                body = summary[at + HEAD.size : at + HEAD.size + length]
-                if opcode in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
-                    places.append(struct.unpack_from("<QQ", body))
-                elif opcode == Opcode.STATISTICS:
-                    statistics = Statistics.read(ReadDataStream(BytesIO(body)))
-                else:
-                    self._take(opcode, body, footer.summary_start + at, has_crc=footer.summary_crc != 0)
-                at += HEAD.size + length
-        except _NO_RECORD:
-            return self._complain(footer.summary_start + at, "its summary is damaged")
+            summary = read_summary(file, self.size)
+        except Damaged as damaged:
+            return self._complain(self.size - FOOTER_BYTES, str(damaged))
+        if summary is None:
+            return False
+        for record in (*summary.schemas, *summary.channels):
+            self._add(record, summary.start, summary.has_crc)
+        statistics = summary.statistics
         if statistics is None or (statistics.message_count and not self.topics):
             return False
         if statistics.message_count:
             self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
         for channel, topic in self.topics.items():
             self._count(topic.name, statistics.channel_message_counts.get(channel, 0))
-        for offset, length in sorted(places):
-            self._take_at(file, offset, length)
+        for offset, index in sorted({**summary.attachments, **summary.metadata}.items()):
+            self._read_indexed(file, offset, index.length)
         return True
 
-    def _take_at(self, file: BinaryIO, offset: int, length: int) -> None:
-        """Takes an attachment or Metadata record that the summary points at."""
+    def _read_indexed(self, file: BinaryIO, offset: int, length: int) -> None:
+        """Reads an attachment or Metadata record that the summary points at."""
         if length > MAX_RECORD_BYTES:
             raise self._too_large(offset, length)
         file.seek(offset)
@@ -237,10 +221,10 @@ class McapFile:
         if len(data) < max(length, HEAD.size) or HEAD.unpack_from(data)[1] != length - HEAD.size:
             self._complain(offset, "a record that the summary points at is not there")
         else:
-            self._take(data[0], data[HEAD.size :], offset)
+            self._read_record(data[0], data[HEAD.size :], offset)
 
     def _read_all(self, file: BinaryIO) -> None:
-        """What the summary would have said, from the messages themselves."""
+        """Reads from the messages themselves what the summary would have said."""
         for topic in self.topics.values():
             self._count(topic.name, 0)
         for message in self._scan(file, EVERYTHING, None):
@@ -261,13 +245,15 @@ class McapFile:
         file.seek(0)
         crc = zlib.crc32(file.read(len(MCAP0_MAGIC)))
         at = len(MCAP0_MAGIC)
-        number = 0
+        chunks = 0
         while True:
             head = file.read(HEAD.size)
             opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
-            rest = self.size - at - HEAD.size
-            if length > rest or len(head) < HEAD.size:
-                self._end_at(at, length)
+            if len(head) < HEAD.size or length > self.size - at - HEAD.size:
+                if self.is_whole:
+                    self._complain(at, f"a record claims {length} bytes, which is more than there are")
+                else:
+                    self.damage.cut_off_at = at
                 return
             if length > MAX_RECORD_BYTES:
                 raise self._too_large(at, length)
@@ -277,29 +263,23 @@ class McapFile:
                     self.damage.cut_off_at = at
                 self._check_data_end(body, crc, at)
                 return
-            if opcode == Opcode.FOOTER or opcode == 0:
+            if opcode in (0, Opcode.FOOTER):
                 self._complain(at, "there is no record where one should be")
                 return
             crc = zlib.crc32(body, zlib.crc32(head, crc))
             if opcode == Opcode.CHUNK:
-                number += 1
-                yield from self._chunk(body, at, number, window)
-            elif not self._is_of_its_kind(opcode, body):
-                self._complain(at, f"a record of kind {opcode} is damaged")
-            elif opcode == Opcode.MESSAGE:
-                yield from self._messages(HEAD.pack(opcode, length) + body, at, window)
+                chunks += 1
+                yield from self._read_chunk(body, at, chunks, window)
+            elif opcode == Opcode.MESSAGE or opcode >= FIRST_PRIVATE:
+                if is_misnamed(body, follows_chunk=chunks > 0):
+                    self._complain(at, f"a record of kind {opcode} is damaged")
+                elif opcode == Opcode.MESSAGE:
+                    yield from self._messages(head + body, at, window)
             else:
-                self._take(opcode, body, at)
+                self._read_record(opcode, body, at)
                 if mark is not None and at in self.metadata:
                     mark(*self.metadata[at])
             at += HEAD.size + length
-
-    @staticmethod
-    def _is_of_its_kind(opcode: int, body: bytes) -> bool:
-        """Whether a record's structure is that of its kind; not known to the specification: whether it is no other's."""
-        if opcode == Opcode.MESSAGE or opcode >= FIRST_PRIVATE:
-            return not any(has_layout(kind, body, 0, len(body)) for kind in TELLING)
-        return has_layout(opcode, body, 0, len(body))
 
     def _check_data_end(self, body: bytes, crc: int, at: int) -> None:
         recorded = int.from_bytes(body, "little")
@@ -309,134 +289,95 @@ class McapFile:
             # The chunks have CRCs of their own, which matched.
             self._complain(at, "the CRC of its data section does not match: something beside the chunks is damaged")
 
-    def _end_at(self, at: int, length: int) -> None:
-        """The file ends in the middle of a record: it was cut off, or, if it has its end, that record is damaged."""
-        if self.is_whole:
-            self._complain(at, f"a record claims {length} bytes, which is more than there are")
-        else:
-            self.damage.cut_off_at = at
-
-    def _take(self, opcode: int, body: bytes, at: int, has_crc: bool = False) -> None:
-        """Takes over what is no message. What a CRC covers is believed where it is described twice."""
-        stream = ReadDataStream(BytesIO(body))
+    def _read_record(self, opcode: int, body: bytes, at: int) -> None:
+        """Reads a record of the data section that is neither chunk nor message."""
         try:
-            if opcode == Opcode.HEADER:
-                self._check_profile(body)
-            elif opcode == Opcode.SCHEMA:
-                schema = Schema.read(stream)
-                if self._schemas.setdefault(schema.id, schema) != schema:
-                    self._complain(at, f"schema {schema.id} is described twice, and differently")
-                    self._schemas[schema.id] = schema if has_crc else self._schemas[schema.id]
-            elif opcode == Opcode.CHANNEL:
-                self._take_channel(Channel.read(stream), at, has_crc)
-            elif opcode == Opcode.ATTACHMENT:
-                self._take_attachment(body, at)
-            elif opcode == Opcode.METADATA:
-                record = Metadata.read(stream)
+            if opcode == Opcode.MESSAGE_INDEX:
+                if not fits(opcode, len(body), body):
+                    raise Damaged
+                return
+            record = parse(opcode, body)
+            if isinstance(record, Header):
+                if record.profile not in PROFILES:
+                    raise BadInput(f"{self.path}: its profile is '{record.profile}'; recordings of ROS 2 have 'ros2'")
+            elif isinstance(record, Attachment):
+                self.attachments.setdefault(record.name, record.data)
+            elif isinstance(record, Metadata):
                 self.metadata[at] = (record.name, record.metadata)
-        except _NO_RECORD as error:
-            if isinstance(error, BadInput):
-                raise
-            self._complain(at, f"a record of kind {opcode} is damaged")
+            elif isinstance(record, Schema | Channel):
+                self._add(record, at)
+            else:
+                raise Damaged
+        except Damaged as damaged:
+            self._complain(at, str(damaged) or f"a record of kind {opcode} is damaged")
 
-    def _check_profile(self, body: bytes) -> None:
-        (length,) = struct.unpack_from("<I", body)
-        profile = body[4 : 4 + length].decode()
-        if profile not in PROFILES:
-            raise BadInput(f"{self.path}: its profile is '{profile}'; recordings of ROS 2 have 'ros2'")
-
-    def _take_channel(self, channel: Channel, at: int, has_crc: bool) -> None:
-        schema = self._schemas.get(channel.schema_id)
-        if schema is None and channel.schema_id != 0:
-            self._complain(at, f"topic {channel.topic} has no schema")
+    def _add(self, record: Schema | Channel, at: int, has_crc: bool = False) -> None:
+        """Adds a schema or a topic. Where it is described twice, what a CRC covers is believed."""
+        if isinstance(record, Schema):
+            if self._schemas.setdefault(record.id, record) != record:
+                self._complain(at, f"schema {record.id} is described twice, and differently")
+                self._schemas[record.id] = record if has_crc else self._schemas[record.id]
             return
-        topic = Topic(
-            channel.topic,
-            "" if schema is None else schema.name,
-            "" if schema is None else schema.data.decode(),
-            channel.metadata,
-            channel.message_encoding,
-            "" if schema is None else schema.encoding,
-        )
-        if self.topics.setdefault(channel.id, topic) != topic:
-            self._complain(at, f"channel {channel.id} is described twice, and differently")
-            self.topics[channel.id] = topic if has_crc else self.topics[channel.id]
+        schema = self._schemas.get(record.schema_id)
+        if schema is None and record.schema_id != 0:
+            self._complain(at, f"topic {record.topic} has no schema")
+            return
+        try:
+            topic = topic_of(record, schema)
+        except UnicodeDecodeError:
+            self._complain(at, f"the schema of topic {record.topic} is not a text")
+            return
+        if self.topics.setdefault(record.id, topic) != topic:
+            self._complain(at, f"channel {record.id} is described twice, and differently")
+            self.topics[record.id] = topic if has_crc else self.topics[record.id]
 
-    def _take_attachment(self, body: bytes, at: int) -> None:
-        record = Attachment.read(ReadDataStream(BytesIO(body)))
-        (recorded,) = struct.unpack_from("<I", body, len(body) - 4)
-        if recorded and recorded != zlib.crc32(body[:-4]):
-            self._complain(at, f"the CRC of attachment {record.name} does not match")
-        else:
-            self.attachments.setdefault(record.name, record.data)
-
-    def _chunk(self, body: bytes, at: int, number: int, window: Window) -> Iterator[Message]:
+    def _read_chunk(self, body: bytes, at: int, number: int, window: Window) -> Iterator[Message]:
         where = f"chunk {number} (at byte {at})"
         try:
-            start_ns, end_ns, size, crc, name, begin, packed_size = chunk_head(body)
-        except (struct.error, UnicodeDecodeError):
-            self._lose_chunk(at, f"{where} is damaged: its head is no such")
-            return
-        where = f"chunk {number} ({start_ns / 1e9:.3f} s to {end_ns / 1e9:.3f} s, at byte {at})"
-        if packed_size != len(body) - begin:
-            self._lose_chunk(at, f"{where} is damaged: its sizes do not fit")
-            return
-        if name not in CODECS:
-            raise BadInput(f"{self.path}: {where} is compressed by '{name}'; known are zstd, lz4 and none")
-        if size > MAX_RECORD_BYTES:
-            raise BadInput(
-                f"{self.path}: {where} unpacks to {size} bytes; at most {MAX_RECORD_BYTES >> 20} MiB are read"
-            )
-        if window.start_ns is not None and end_ns < window.start_ns:
-            return
-        if window.end_ns is not None and start_ns >= window.end_ns:
-            return
-        packed = body[begin:]
-        try:
-            data = unpacked(name, packed, size)
-        except ValueError:
-            self._lose_chunk(at, f"{where} is damaged: it can't be unpacked")
-            return
-        if len(data) != size:
-            self._lose_chunk(at, f"{where} is damaged: it unpacks to {len(data)} bytes instead of {size}")
-        elif crc and zlib.crc32(data) != crc:
-            self._lose_chunk(at, f"{where} is damaged: its CRC does not match")
+            chunk = parse_chunk(body)
+            where = f"chunk {number} ({chunk.start_ns / 1e9:.3f} s to {chunk.end_ns / 1e9:.3f} s, at byte {at})"
+            if chunk.codec not in CODECS:
+                raise BadInput(f"{self.path}: {where} is compressed by '{chunk.codec}'; known are zstd, lz4 and none")
+            if chunk.size > MAX_RECORD_BYTES:
+                limit = f"at most {MAX_RECORD_BYTES >> 20} MiB are read"
+                raise BadInput(f"{self.path}: {where} unpacks to {chunk.size} bytes; {limit}")
+            if window.start_ns is not None and chunk.end_ns < window.start_ns:
+                return
+            if window.end_ns is not None and chunk.start_ns >= window.end_ns:
+                return
+            data = unpack(chunk)
+        except Damaged as damaged:
+            what = f"{where} is damaged: {damaged}"
+            if not self._skip_corrupt:
+                raise Corrupt(f"{self.path}: {what}; skip_corrupt (--skip-corrupt) reads the rest") from None
+            self.damage.chunks[at] = what
         else:
-            yield from self._messages(data, at, window, has_crc=crc != 0)
+            yield from self._messages(data, at, window, has_crc=chunk.crc != 0)
 
     def _messages(self, data: bytes, at: int, window: Window, has_crc: bool = False) -> Iterator[Message]:
         """The messages among the records of a chunk."""
         topics, start_ns, end_ns = window.topics, window.start_ns, window.end_ns
-        offset, end = 0, len(data)
-        head, unpack, message_op = HEAD.unpack_from, MESSAGE.unpack_from, int(Opcode.MESSAGE)
-        begin = HEAD.size + MESSAGE.size
+        unpack_message, size = MESSAGE.unpack_from, MESSAGE.size
         known: dict[int, tuple[str, str, bool]] = {}
-        while offset < end:
-            try:
-                opcode, length = head(data, offset)
-                stop = offset + 9 + length
-                if stop > end:
-                    raise struct.error
-                if opcode != message_op:
-                    self._take(opcode, data[offset + 9 : stop], at, has_crc)
-                    offset = stop
+        try:
+            for opcode, begin, end in records_in(data):
+                if opcode != _MESSAGE:
+                    if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                        self._add(parse(opcode, data[begin:end]), at, has_crc)
                     continue
-                channel_id, sequence, log_ns, publish_ns = unpack(data, offset + 9)
-            except struct.error:
-                self._complain(at, "the records of a chunk are damaged")
-                return
-            if channel_id not in known:
-                described = self.topics.get(channel_id)
-                if described is None:
-                    self._complain(at, f"a message of channel {channel_id}, which is not described")
-                    offset = stop
-                    continue
-                wanted = topics is None or described.name in topics
-                known[channel_id] = described.name, described.type_name, wanted
-            topic, type_name, wanted = known[channel_id]
-            if wanted and (start_ns is None or log_ns >= start_ns) and (end_ns is None or log_ns < end_ns):
-                yield Message(topic, type_name, log_ns, publish_ns, sequence, data[offset + begin : stop])
-            offset = stop
+                channel_id, sequence, log_ns, publish_ns = unpack_message(data, begin)
+                if channel_id not in known:
+                    described = self.topics.get(channel_id)
+                    if described is None:
+                        self._complain(at, f"a message of channel {channel_id}, which is not described")
+                        continue
+                    wanted = topics is None or described.name in topics
+                    known[channel_id] = described.name, described.type_name, wanted
+                topic, type_name, wanted = known[channel_id]
+                if wanted and (start_ns is None or log_ns >= start_ns) and (end_ns is None or log_ns < end_ns):
+                    yield Message(topic, type_name, log_ns, publish_ns, sequence, data[begin + size : end])
+        except Damaged:
+            self._complain(at, "the records of a chunk are damaged")
 
     # What is wrong
 
@@ -446,11 +387,6 @@ class McapFile:
             raise Corrupt(f"{self.path}: damaged at byte {at}: {what}; skip_corrupt (--skip-corrupt) reads the rest")
         self.damage.other[at] = what
         return False
-
-    def _lose_chunk(self, at: int, what: str) -> None:
-        if not self._skip_corrupt:
-            raise Corrupt(f"{self.path}: {what}; skip_corrupt (--skip-corrupt) reads the rest")
-        self.damage.chunks[at] = what
 
     def _too_large(self, at: int, length: int) -> BadInput:
         return BadInput(

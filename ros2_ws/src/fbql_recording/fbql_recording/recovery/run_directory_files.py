@@ -13,8 +13,9 @@ from fbql_common.core.recording_names import CONFIG, EPISODES, POLICY, TREES
 from fbql_common.core.types import Phase
 from mcap.records import Attachment
 
-from fbql_recording import Run, Step
 from fbql_recording.core.metrics import Digest, EpisodeRecord, summarise
+from fbql_recording.core.steps import Step
+from fbql_recording.run import Run
 from fbql_recording.run_directory import custom_data
 from fbql_recording.run_files import mapping_from_yaml, read_inside
 

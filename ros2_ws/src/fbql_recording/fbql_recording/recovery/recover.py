@@ -1,26 +1,27 @@
-"""What is sound in a damaged recording, written as a new run directory that every reader of bags reads completely."""
+"""Writes what is sound in a damaged recording to a new run directory, which every reader of bags reads to its end."""
 
 from __future__ import annotations
 
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from fbql_common.core.errors import BadInput
-from fbql_common.core.recording_names import COMPLETE, GAP_RECORD, LOST, RECOVERY_RECORD, RUN_RECORD
+from fbql_common.core.recording_names import BAG_RECORD, COMPLETE, GAP_RECORD, LOST, RECOVERY_RECORD, RUN_RECORD
 from mcap.records import Attachment
 
-from fbql_recording import Topic, open_run
 from fbql_recording.bag_metadata import BagTopic, profiles_from_text
+from fbql_recording.mcap.reader import Topic
 from fbql_recording.mcap.writer import McapWriter, WriterChannel
-from fbql_recording.recorder import BAG_RECORD, CHUNK_BYTES, finish_bag
+from fbql_recording.recorder import CHUNK_BYTES, finish_bag
 from fbql_recording.recovery.run_directory_files import RunDirectoryFiles
-from fbql_recording.recovery.survey import Loss, SoundMessage, Survey
+from fbql_recording.recovery.scan import Gap, Scan, SoundMessage
+from fbql_recording.run import open_run
 from fbql_recording.run_directory import create_run_directory
 from fbql_recording.run_files import RunFiles, find_damaged_files
 
@@ -29,30 +30,36 @@ _HASH, _PROFILES = "topic_type_hash", "offered_qos_profiles"
 
 @dataclass
 class Recovery:
-    """What became of it."""
+    """What was recovered, and what is lost."""
 
     path: Path
     """The new run directory."""
     messages: int = 0
-    chunks_lost: int = 0
-    messages_lost: dict[str, int] = field(default_factory=dict[str, int])
-    """By topic: at least so many."""
-    losses: list[tuple[str, Loss]] = field(default_factory=list[tuple[str, Loss]])
-    """Each with the name of its file."""
-    attachments_lost: list[str] = field(default_factory=list[str])
-    cut_off: list[str] = field(default_factory=list[str])
-    """Names of files without an end: how much came after what is there nobody knows."""
-    lost_before: list[str] = field(default_factory=list[str])
-    """What was lost already when the source was recovered from another recording, in words."""
-    notes: list[str] = field(default_factory=list[str])
-    """What was damaged and cost nothing."""
+    """Messages in the new recording."""
     steps: int = 0
     """Steps in the new recording."""
+    gaps: list[tuple[str, Gap]] = field(default_factory=list[tuple[str, Gap]])
+    """What is lost, each with the name of its file."""
+    messages_lost: dict[str, int] = field(default_factory=dict[str, int])
+    """By topic: at least so many."""
+    attachments_lost: list[str] = field(default_factory=list[str])
+    """Their names."""
+    cut_off: list[str] = field(default_factory=list[str])
+    """Names of files without an end: nobody knows how much came after what is there."""
+    lost_before: list[str] = field(default_factory=list[str])
+    """What was lost already when the source was itself recovered from another recording, in words."""
+    notes: list[str] = field(default_factory=list[str])
+    """What was damaged without anything being lost."""
+
+    @property
+    def chunks_lost(self) -> int:
+        """Number of chunks that are lost."""
+        return sum(gap.chunks for _, gap in self.gaps)
 
     @property
     def is_complete(self) -> bool:
         """Whether nothing is lost."""
-        return not (self.losses or self.messages_lost or self.attachments_lost or self.cut_off or self.lost_before)
+        return not (self.gaps or self.messages_lost or self.attachments_lost or self.cut_off or self.lost_before)
 
     @property
     def lost_words(self) -> str:
@@ -63,50 +70,43 @@ class Recovery:
         words += [f"attachment {name}" for name in self.attachments_lost]
         words += ["what came after the end of the file"] * bool(self.cut_off)
         words += [f"when it was recovered before: {what}" for what in self.lost_before]
-        return ", ".join(words or ["something that no message tells of"] * bool(self.losses)) or "nothing"
+        return ", ".join(words or ["something that no message tells of"] * bool(self.gaps)) or "nothing"
 
 
-def recover(source: Path, target: Path | None, progress: Callable[[str], None]) -> Recovery:
-    """Writes what is sound in a recording to a new run directory.
+def recover(source: Path, target: Path | None, progress: Callable[[str], None] = lambda _: None) -> Recovery:
+    """Writes what is sound in a recording to a new run directory. The recording itself is never changed.
 
     Args:
         source: a run directory, another bag's, or one MCAP file.
         target: the new directory; beside the source unless given.
-        progress: told in words how far it is, now and then; what it raises ends the recovery and leaves nothing behind.
+        progress: called with a line about how far it is, now and then; what it raises ends the recovery and leaves
+            nothing behind.
 
     Raises:
-        BadInput: nothing is there to be recovered, or the new directory can't be made.
+        BadInput: there is nothing to recover, or the new directory can't be made.
         OSError: it could not be written; nothing is left behind.
     """
     files = find_damaged_files(source)
-    surveys, notes, unusable = _surveys(files, progress)
-    target = target or _beside(source)
-    create_run_directory(target)
-    try:
-        return _Writing(files, surveys, notes, unusable, target).write(progress)
-    except BaseException:
-        # It is ours, and new: half a recording must not look like one.
-        shutil.rmtree(target, ignore_errors=True)
-        raise
-
-
-def _surveys(
-    files: RunFiles, progress: Callable[[str], None]
-) -> tuple[list[Survey], list[str], list[tuple[str, Loss]]]:
-    """What is sound in each file; notes; files in which nothing is. Raises BadInput where that is none of them."""
-    surveys: list[Survey] = []
-    unusable: list[tuple[str, Loss]] = []
+    done = Recovery(target or _beside(source), notes=list(files.warnings))
+    scans: list[Scan] = []
     for path in files.recordings:
         try:
-            survey = Survey(path, lambda done, path=path: progress(f"{path.name}: {done >> 20} MiB gone through"))
-            surveys.append(survey)
+            report = lambda scanned, path=path: progress(f"{path.name}: {scanned >> 20} MiB scanned")  # noqa: E731
+            scans.append(Scan(path, report, continues=path != files.recordings[0]))
         except BadInput as error:
             if len(files.recordings) == 1:
                 raise
-            unusable.append((path.name, Loss(0, 0, str(error))))
-    if not surveys:
+            done.gaps.append((path.name, Gap(0, 0, str(error))))
+    if not scans:
         raise BadInput(f"{files.directory}: no message in it is sound; there is nothing to recover")
-    return surveys, list(files.warnings), unusable
+    create_run_directory(done.path)
+    try:
+        _Writing(files, scans, done).write(progress)
+    except BaseException:
+        # It is ours, and new: half a recording must not look like a whole one.
+        shutil.rmtree(done.path, ignore_errors=True)
+        raise
+    return done
 
 
 def _beside(source: Path) -> Path:
@@ -120,28 +120,38 @@ def _beside(source: Path) -> Path:
 class _Writing:
     """One new recording, as it is written."""
 
-    def __init__(
-        self,
-        files: RunFiles,
-        surveys: Sequence[Survey],
-        notes: list[str],
-        unusable: list[tuple[str, Loss]],
-        target: Path,
-    ) -> None:
-        self._files = files
-        self._surveys = surveys
-        self._target = target
+    def __init__(self, files: RunFiles, scans: list[Scan], done: Recovery) -> None:
+        self._scans = scans
+        self._done = done
         self._beside = RunDirectoryFiles(files.directory)
-        self._done = Recovery(target, notes=notes, losses=unusable)
         self._topics: list[Topic] = []
         self._places: list[dict[int, int]] = []
         """For each file: channel id -> index of its topic."""
         self._about: dict[str, str] = {}
+        expected = _expected(files) if len(files.recordings) == 1 else {}
+        lost: Counter[str] = Counter()
+        for scan in scans:
+            name = scan.path.name
+            done.notes += [f"{name}: {note}" for note in scan.notes]
+            if scan.unchecked:
+                done.notes.append(
+                    f"{name}: {scan.unchecked} chunks or messages have no CRC: they are taken as they are"
+                )
+            done.gaps += [(name, gap) for gap in scan.gaps]
+            done.attachments_lost += [gap.attachment for gap in scan.gaps if gap.attachment]
+            lost += Counter(scan.messages_lost(expected))
+            if not scan.has_end:
+                done.cut_off.append(name)
+            for topic in scan.topics.values():
+                if topic not in self._topics:
+                    self._topics.append(topic)
+            self._places.append({channel: self._topics.index(topic) for channel, topic in scan.topics.items()})
+        done.messages_lost = dict(lost)
 
-    def write(self, progress: Callable[[str], None]) -> Recovery:
+    def write(self, progress: Callable[[str], None]) -> None:
         """Writes the directory. Raises OSError."""
-        self._describe()
-        path = self._target / f"{self._target.name}_0.mcap"
+        done = self._done
+        path = done.path / f"{done.path.name}_0.mcap"
         active = path.with_name(f"{path.name}.active")
         with active.open("xb", buffering=0) as file:
             writer = McapWriter(_all_of(file.write), [_channel(topic) for topic in self._topics], CHUNK_BYTES)
@@ -157,43 +167,14 @@ class _Writing:
                 for topic, count in zip(self._topics, writer.counts, strict=True)
             ]
             # metadata.yaml comes last: a directory that has it is whole.
-            self._beside.write_to(self._target, self._done.is_complete)
+            self._beside.write_to(done.path, done.is_complete)
             finish_bag(writer, file.fileno(), active, path, topics, self._about)
-        done = self._done
         done.messages = sum(writer.counts)
         progress("reading what was written")
         try:
-            run = open_run(self._target)
-            done.steps = self._beside.write_summary(run, done.messages)
+            done.steps = self._beside.write_summary(open_run(done.path), done.messages)
         except BadInput as error:
             done.notes.append(f"it has no steps that can be read: {error}")
-        return done
-
-    # What is known before anything is written
-
-    def _describe(self) -> None:
-        done = self._done
-        several = len(self._surveys) > 1
-        expected = _expected(self._files) if not several else {}
-        for survey in self._surveys:
-            name = survey.path.name
-            done.notes += [f"{name}: {note}" for note in survey.notes]
-            if survey.unchecked:
-                done.notes.append(
-                    f"{name}: {survey.unchecked} chunks or messages have no CRC: they are taken as they are"
-                )
-            done.losses += [(name, loss) for loss in survey.losses]
-            done.attachments_lost += [loss.attachment for loss in survey.losses if loss.attachment]
-            done.chunks_lost += survey.chunks_lost
-            done.messages_lost = dict(Counter(done.messages_lost) + Counter(survey.lost(expected)))
-            if not survey.has_end:
-                done.cut_off.append(name)
-            places: dict[int, int] = {}
-            for channel, topic in survey.topics.items():
-                if topic not in self._topics:
-                    self._topics.append(topic)
-                places[channel] = self._topics.index(topic)
-            self._places.append(places)
 
     # What is written
 
@@ -204,7 +185,7 @@ class _Writing:
         for attachment in restored:
             if attachment.name in done.attachments_lost:
                 done.attachments_lost.remove(attachment.name)
-                done.losses = [entry for entry in done.losses if entry[1].attachment != attachment.name]
+                done.gaps = [entry for entry in done.gaps if entry[1].attachment != attachment.name]
                 done.notes.append(f"attachment {attachment.name} was damaged; it is taken from the run directory")
         self._about = self._beside.about(about, done.notes)
         if self._about:
@@ -213,20 +194,15 @@ class _Writing:
         for attachment in restored:
             writer.add_attachment(attachment.name, attachment.media_type, attachment.data)
         written = 0
-        for survey, places in zip(self._surveys, self._places, strict=True):
-            gap: Loss | None = None
-            for content in survey.contents():
+        for scan, places in zip(self._scans, self._places, strict=True):
+            gap: Gap | None = None
+            for content in scan.contents():
                 if isinstance(content, SoundMessage):
                     if gap is not None:
                         writer.add_metadata(GAP_RECORD, _words_of(gap))
                         gap = None
-                    writer.add_message(
-                        places[content.channel],
-                        content.data,
-                        content.log_time_ns,
-                        content.publish_time_ns,
-                        content.sequence,
-                    )
+                    channel, sequence, log_time_ns, publish_time_ns, data = content
+                    writer.add_message(places[channel], data, log_time_ns, publish_time_ns, sequence)
                     written += 1
                     if written % 4096 == 0:
                         progress(f"{written} messages written")
@@ -234,20 +210,20 @@ class _Writing:
                     writer.add_attachment(
                         content.name, content.media_type, content.data, content.log_time, content.create_time
                     )
-                elif isinstance(content, Loss):
-                    gap = content if content.is_gap else gap
+                elif isinstance(content, Gap):
+                    gap = content if content.is_between_messages else gap
                 elif content.name not in (BAG_RECORD, RUN_RECORD, RECOVERY_RECORD):
                     writer.add_metadata(content.name, content.metadata)
-            if survey is not self._surveys[-1] and not survey.has_end:
-                writer.add_metadata(GAP_RECORD, {"why": f"{survey.path.name} was cut off"})
+            if scan is not self._scans[-1] and not scan.has_end:
+                writer.add_metadata(GAP_RECORD, {"why": f"{scan.path.name} was cut off"})
         writer.flush()
 
     def _in_front(self) -> tuple[dict[str, Attachment], dict[str, str]]:
         """The attachments, by name, and what the recording says about its run."""
         attachments: dict[str, Attachment] = {}
         about: dict[str, str] = {}
-        for survey in self._surveys:
-            for record in survey.records():
+        for scan in self._scans:
+            for record in scan.records():
                 if isinstance(record, Attachment):
                     attachments.setdefault(record.name, record)
                 elif record.name == RUN_RECORD and not about:
@@ -259,7 +235,7 @@ class _Writing:
     def _story(self) -> dict[str, str]:
         done = self._done
         return {
-            "from": " ".join(str(survey.path.name) for survey in self._surveys),
+            "from": " ".join(scan.path.name for scan in self._scans),
             COMPLETE: str(done.is_complete).lower(),
             LOST: done.lost_words,
             "chunks_lost": str(done.chunks_lost),
@@ -284,9 +260,9 @@ def _channel(topic: Topic) -> WriterChannel:
     )
 
 
-def _words_of(loss: Loss) -> dict[str, str]:
-    times = {"start_ns": loss.start_ns, "end_ns": loss.end_ns}
-    return {"why": loss.why, **{name: str(value) for name, value in times.items() if value is not None}}
+def _words_of(gap: Gap) -> dict[str, str]:
+    times = {"start_ns": gap.start_ns, "end_ns": gap.end_ns}
+    return {"why": gap.why, **{name: str(value) for name, value in times.items() if value is not None}}
 
 
 def _expected(files: RunFiles) -> dict[str, int]:

@@ -1,0 +1,18 @@
+"""The names of topics and services, for whoever has no ROS. Relative names: a node's namespace applies."""
+
+from __future__ import annotations
+
+WORLD = "world"
+WHEEL_COMMAND = "wheel_command"
+DECISION = "fusion/decision"
+ROBOT_POSE = "robot/pose"
+BALL_POSE = "ball/pose"
+WALL_POSE = "wall/pose"
+CLOCK = "/clock"
+DIAGNOSTICS = "/diagnostics"
+RESET_EPISODE = "simulator/reset_episode"
+
+
+def behavior_topic(name: str) -> str:
+    """The topic that behavior `name` answers on."""
+    return f"behaviors/{name}"
