@@ -1,4 +1,4 @@
-"""What all tests share: settings, and fixtures that start commands and nodes, none of which outlives its test.
+"""Settings of the whole suite, and fixtures that start commands and nodes, none of which outlives its test.
 
 ROS is imported only by the fixtures that need it, so that the tests of the cores run without it.
 """
@@ -13,27 +13,63 @@ from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+from leftovers import remove_leftovers
+
+TESTS = Path(__file__).parent
 
 if TYPE_CHECKING:
     from bringup_run import Run
     from hand_driven import Bench, Participant
     from node_process import NodeProcess
 
-# The machine's other work must not fail a test: no deadline for one example.
+# Other load on the machine must not fail a test: no deadline for one example.
 settings.register_profile("shared_machine", deadline=None)
 settings.load_profile("shared_machine")
 
-# The generated message classes take any type for any field, and send garbage, unless they are told to look.
+# Unless told to check, the generated message classes accept any type for any field, and send garbage.
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 
-# A script that starts the suite in the background has SIGINT ignored in it, and so in all that it starts.
+# A shell script that starts the suite in the background makes it, and every process that it starts, ignore SIGINT.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+MAX_WORKERS = 8
+"""A worker may run a graph of five processes."""
+SLOW_FIRST = ("environment", "fbql_studies", "examples", "fbql", "fbql_common", "fbql_sim")
+"""Folders of long tests with processes; the short ones come last and fill the gaps of the workers."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Runs the whole suite in parallel, a module per worker at a time; named tests run in this process."""
+    is_worker = hasattr(config, "workerinput")
+    names_tests = config.args_source is not pytest.Config.ArgsSource.TESTPATHS
+    if not is_worker and not names_tests and getattr(config.option, "numprocesses", 0) is None:
+        config.option.numprocesses, config.option.maxprocesses = "auto", MAX_WORKERS
+        config.option.dist, config.option.loadscopereorder = "loadscope", False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Orders the tests by SLOW_FIRST."""
+    rank = {name: index for index, name in enumerate(SLOW_FIRST)}
+    items.sort(key=lambda item: rank.get(item.path.relative_to(TESTS).parts[0], len(rank)))
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Removes the shared memory that killed ROS processes left, of earlier sessions and other programs."""
+    if not hasattr(session.config, "workerinput"):
+        remove_leftovers()
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Removes the shared memory of the processes that the tests killed."""
+    if not hasattr(session.config, "workerinput"):
+        remove_leftovers()
 
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[..., Run]]:
-    """Starts a command of ours with its run in a directory of the test: start(*arguments, ...). See `Run`."""
+    """start(*arguments, ...) starts a command of ours, with its run in a directory of the test. See `Run`."""
     from bringup_run import Run
 
     started: list[Run] = []
@@ -52,10 +88,10 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Run]]:
 
 @pytest.fixture(scope="session")
 def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
-    """The environment variables of a domain of our own on this machine. They are in force nowhere else."""
-    import domain_coordinator
+    """The environment variables of a ROS domain that nobody else on this machine uses; one for each worker."""
+    from fbql.graph.domains import free_domain
 
-    with domain_coordinator.domain_id() as domain_id:
+    with free_domain() as domain_id:
         yield {
             "ROS_DOMAIN_ID": str(domain_id),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -65,7 +101,7 @@ def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]
 
 @pytest.fixture(scope="session")
 def participant(domain: dict[str, str]) -> Iterator[Participant]:
-    """One for all tests: each cycle of a context leaks about 1 MB."""
+    """One for all tests, because each context leaks about 1 MB."""
     from hand_driven import Participant
 
     result = Participant(domain)
@@ -75,7 +111,7 @@ def participant(domain: dict[str, str]) -> Iterator[Participant]:
 
 @pytest.fixture(scope="session")
 def stranger(domain: dict[str, str]) -> Iterator[Participant]:
-    """A second participant, as another process would be: within one no topic can have two types."""
+    """A second participant, like another process: within one participant a topic cannot have two types."""
     from hand_driven import Participant
 
     result = Participant(domain)
@@ -85,7 +121,7 @@ def stranger(domain: dict[str, str]) -> Iterator[Participant]:
 
 @pytest.fixture
 def bench(participant: Participant, capfd: pytest.CaptureFixture[str]) -> Iterator[Bench]:
-    """Nodes driven by hand."""
+    """Spins nodes by hand."""
     from hand_driven import Bench
 
     result = Bench(participant, capfd)
@@ -95,7 +131,7 @@ def bench(participant: Participant, capfd: pytest.CaptureFixture[str]) -> Iterat
 
 @pytest.fixture
 def other_bench(stranger: Participant, bench: Bench, capfd: pytest.CaptureFixture[str]) -> Iterator[Bench]:
-    """Nodes of another participant in the same namespace."""
+    """A bench of another participant in the same namespace."""
     from hand_driven import Bench
 
     result = Bench(stranger, capfd)
@@ -106,7 +142,7 @@ def other_bench(stranger: Participant, bench: Bench, capfd: pytest.CaptureFixtur
 
 @pytest.fixture
 def start_node(domain: dict[str, str], tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
-    """Starts executables: start_node(package, executable, *arguments, **environment). Whatever still runs is killed."""
+    """start_node(package, executable, *arguments, **environment) starts an executable; the end of the test kills it."""
     from node_process import NodeProcess
 
     started: list[NodeProcess] = []

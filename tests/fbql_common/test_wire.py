@@ -61,56 +61,39 @@ DECISION = Decision(5, 1, 2, "fbql", 1, ("a", "b"), (1, 2), (0.1, 0.2), (0.3, 0.
 
 
 @pytest.mark.parametrize(("values", "encode", "decode"), PAIRS)
-def test_round_trip_through_our_bytes_keeps_every_field(values, encode, decode):
+def test_we_read_our_own_bytes_and_the_middleware_reads_them_and_we_read_its(values, encode, decode):
     @given(values)
     def check(value):
-        assert decode(encode(value)) == value
-
-    check()
-
-
-@pytest.mark.parametrize(("values", "encode", "decode"), PAIRS)
-def test_the_middleware_reads_our_bytes_and_we_read_its(values, encode, decode):
-    @given(values)
-    def check(value):
-        message = deserialize_message(encode(value), wire.MESSAGES[type(value)])
+        data = encode(value)
+        assert decode(data) == value
+        message = deserialize_message(data, wire.MESSAGES[type(value)])
         assert decode(serialize_message(message)) == value
 
     check()
 
 
-def test_fields_arrive_under_their_own_names():
-    message = deserialize_message(wire.encode_world(WORLD), wire.MESSAGES[World])
-    assert (message.header.stamp.sec, message.header.stamp.nanosec, message.header.frame_id) == (
-        1,
-        234_567_890,
-        "field",
-    )
-    for name in World._fields[1:]:
-        assert getattr(message, name) == getattr(WORLD, name), name
-
-
-@pytest.mark.parametrize("value", [OUTPUT, COMMAND, DECISION])
-def test_fields_of_the_other_messages_arrive_under_their_own_names(value):
-    encode = {BehaviorOutput: wire.encode_output, WheelCommand: wire.encode_command, Decision: wire.encode_decision}
-    message = deserialize_message(encode[type(value)](value), wire.MESSAGES[type(value)])
+@pytest.mark.parametrize("value", [WORLD, OUTPUT, COMMAND, DECISION])
+def test_fields_arrive_under_their_own_names(value):
+    encode = {World: wire.encode_world, BehaviorOutput: wire.encode_output, WheelCommand: wire.encode_command}
+    data = encode.get(type(value), wire.encode_decision)(value)
+    message = deserialize_message(data, wire.MESSAGES[type(value)])
+    stamp = message.header.stamp
+    assert (stamp.sec * 10**9 + stamp.nanosec, message.header.frame_id) == (value.stamp_ns, "field")
     for name in value._fields[1:]:
         got, expected = getattr(message, name), getattr(value, name)
         assert (tuple(got) if isinstance(expected, tuple) else got) == expected, name
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("field", World._fields[3:15])
-def test_world_with_a_number_that_is_not_finite_is_rejected(field, bad):
-    with pytest.raises(wire.Rejected, match="not finite"):
-        wire.decode_world(wire.encode_world(WORLD._replace(**{field: bad})))
-
-
-def test_reference_and_command_that_are_not_finite_are_rejected():
-    with pytest.raises(wire.Rejected, match="not finite"):
-        wire.decode_output(wire.encode_output(OUTPUT._replace(left_rad_s=math.nan)))
-    with pytest.raises(wire.Rejected, match="not finite"):
-        wire.decode_command(wire.encode_command(COMMAND._replace(right_rad_s=math.inf)))
+def test_a_number_that_is_not_finite_is_rejected(bad):
+    for field in World._fields[3:15]:
+        with pytest.raises(wire.Rejected, match="not finite"):
+            wire.decode_world(wire.encode_world(WORLD._replace(**{field: bad})))
+    for field in ("left_rad_s", "right_rad_s"):
+        with pytest.raises(wire.Rejected, match="not finite"):
+            wire.decode_output(wire.encode_output(OUTPUT._replace(**{field: bad})))
+        with pytest.raises(wire.Rejected, match="not finite"):
+            wire.decode_command(wire.encode_command(COMMAND._replace(**{field: bad})))
 
 
 @pytest.mark.parametrize("leaf_id", [-1, 110, 10**6])
@@ -127,19 +110,13 @@ def test_wrong_frame_is_rejected_naming_the_expected_one():
 
 
 @pytest.mark.parametrize(("sec", "nanosec"), [(-1, 0), (0, 10**9), (5, 2**32 - 1)])
-def test_stamp_that_is_no_time_is_rejected(sec, nanosec):
+def test_stamp_that_is_not_a_time_is_rejected(sec, nanosec):
     message = deserialize_message(wire.encode_world(WORLD), wire.MESSAGES[World])
     message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
-    with pytest.raises(wire.Rejected, match="no time"):
+    with pytest.raises(wire.Rejected, match="not a time"):
         wire.decode_world(serialize_message(message))
 
 
 def test_bytes_of_another_message_are_rejected():
     with pytest.raises(wire.Rejected, match="malformed"):
         wire.decode_world(wire.encode_command(COMMAND))
-
-
-@pytest.mark.parametrize("value", ["1.0", None, b"1"])
-def test_wrong_python_type_is_caught_before_it_is_published(value):
-    with pytest.raises(TypeError):
-        wire.encode_command(COMMAND._replace(left_rad_s=value))

@@ -1,10 +1,12 @@
-"""Random trees for Hypothesis, and points that lie on their thresholds as often as beside them."""
+"""Random trees and patterns for Hypothesis, with points on thresholds as often as beside them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf, nextafter, pi
 
 from fbql_behaviors.core.observation import Feature
+from fbql_behaviors.core.patterns import Patterns, patterns_from_rows
 from fbql_behaviors.core.tree import Leaf, Node, Region, Split, Tree, split_region
 from hypothesis import strategies as st
 
@@ -12,6 +14,22 @@ FEATURES = (Feature("ball_distance", "m", 0.0, 3.2), Feature("ball_bearing", "ra
 WHEEL = st.floats(-88.0, 88.0)
 NASTY = '*/ "\\ %s\n\0<script>&</script> é'
 """A name that could break out of a C comment, a DOT string or an SVG text."""
+PLANE = (Feature("distance", "m", 0.0, 3.2), Feature("bearing", "rad", -3.0, 3.0))
+"""Two features for patterns; quarters of their ranges are frequent in the strategies, so that patterns lie on splits."""
+DISTANCES = st.one_of(st.sampled_from([0.0, 0.4, 0.8, 1.6, 2.4]), st.floats(0.0, 3.19))
+BEARINGS = st.one_of(st.sampled_from([-3.0, -1.5, 0.0, 0.75, 1.5]), st.floats(-3.0, 2.99))
+Row = tuple[float, float, int]
+"""Distance, bearing and class of a pattern."""
+
+
+def rows(classes: Sequence[int], max_size: int) -> st.SearchStrategy[list[Row]]:
+    """Rows of patterns in PLANE."""
+    return st.lists(st.tuples(DISTANCES, BEARINGS, st.sampled_from(classes)), min_size=1, max_size=max_size)
+
+
+def patterns_of_rows(rows: Sequence[Row]) -> Patterns:
+    """The patterns of rows in PLANE."""
+    return patterns_from_rows(PLANE, [row[:2] for row in rows], [row[2] for row in rows])
 
 
 @st.composite

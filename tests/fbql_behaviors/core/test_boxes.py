@@ -6,46 +6,35 @@ import numpy as np
 import pytest
 from fbql_behaviors.core.boxes import edge, find_boxes
 from fbql_behaviors.core.equations import entropy
-from fbql_behaviors.core.observation import Feature
-from fbql_behaviors.core.patterns import Patterns, patterns_from_rows
 from fbql_common.core.errors import BadInput
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given
+from tree_strategies import PLANE, Row, patterns_of_rows, rows
 
-FEATURES = (Feature("distance", "m", 0.0, 3.2), Feature("bearing", "rad", -3.0, 3.0))
-# quarters of the ranges are frequent, so that patterns lie on splits
-DISTANCES = st.one_of(st.sampled_from([0.0, 0.4, 0.8, 1.6, 2.4]), st.floats(0.0, 3.19))
-BEARINGS = st.one_of(st.sampled_from([-3.0, -1.5, 0.0, 0.75, 1.5]), st.floats(-3.0, 2.99))
-ROWS = st.lists(st.tuples(DISTANCES, BEARINGS, st.integers(0, 3)), min_size=1, max_size=40)
-
-
-def patterns_of_rows(rows: list[tuple[float, float, int]]) -> Patterns:
-    return patterns_from_rows(FEATURES, [row[:2] for row in rows], [row[2] for row in rows])
+ROWS = rows(range(4), max_size=40)
 
 
 def region(levels: tuple[int, ...], index: tuple[int, ...]) -> list[tuple[float, float]]:
     return [
         (edge(f.low, f.high, k / 2**level), edge(f.low, f.high, (k + 1) / 2**level))
-        for f, level, k in zip(FEATURES, levels, index, strict=True)
+        for f, level, k in zip(PLANE, levels, index, strict=True)
     ]
 
 
-def classes_inside(rows: list[tuple[float, float, int]], box: list[tuple[float, float]]) -> list[int]:
-    return [row[2] for row in rows if all(low <= x < high for x, (low, high) in zip(row, box, strict=False))]
+def classes_inside(data: list[Row], box: list[tuple[float, float]]) -> list[int]:
+    return [row[2] for row in data if all(low <= x < high for x, (low, high) in zip(row, box, strict=False))]
 
 
-@settings(deadline=None)
 @given(ROWS)
-def test_every_box_counts_the_patterns_inside_of_it_and_no_box_is_missing(rows: list[tuple[float, float, int]]) -> None:
+def test_every_box_counts_the_patterns_inside_it_and_no_box_is_missing(data: list[Row]) -> None:
     halvings = (2, 3)
-    boxes = find_boxes(patterns_of_rows(rows), halvings)
+    boxes = find_boxes(patterns_of_rows(data), halvings)
     found = {}
     for levels, index, count, value in zip(boxes.levels, boxes.index, boxes.count, boxes.entropy, strict=True):
         found[tuple(levels.tolist()), tuple(index.tolist())] = int(count), float(value)
     expected = {}
     for levels in np.ndindex(3, 4):
         for index in np.ndindex(*(2**level for level in levels)):
-            inside = classes_inside(rows, region(levels, index))
+            inside = classes_inside(data, region(levels, index))
             if inside:
                 expected[levels, index] = len(inside), entropy([inside.count(k) for k in range(4)])
     assert found.keys() == expected.keys()
@@ -54,10 +43,9 @@ def test_every_box_counts_the_patterns_inside_of_it_and_no_box_is_missing(rows: 
         assert found[key][1] == pytest.approx(value, abs=1e-9)
 
 
-@settings(deadline=None)
 @given(ROWS)
-def test_the_two_halves_of_a_box_hold_its_patterns(rows: list[tuple[float, float, int]]) -> None:
-    boxes = find_boxes(patterns_of_rows(rows), (2, 3))
+def test_the_two_halves_of_a_box_hold_its_patterns(data: list[Row]) -> None:
+    boxes = find_boxes(patterns_of_rows(data), (2, 3))
     for box in range(len(boxes)):
         for feature, halvings in enumerate((2, 3)):
             halves = [child for child in (boxes.left[box, feature], boxes.right[box, feature]) if child >= 0]

@@ -1,9 +1,8 @@
-"""Induction: learning and planning against a slow literal recursion, the stop criteria, odd data."""
+"""Induction: the value of its trees, the stop criteria, odd data. test_oracle.py has the literal recursion."""
 
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from functools import cache
 from math import inf, isfinite, nan
 
 import numpy as np
@@ -11,24 +10,17 @@ import pytest
 from fbql_behaviors.core.boxes import Boxes, find_boxes
 from fbql_behaviors.core.equations import entropy
 from fbql_behaviors.core.induction import InductionParameters, induce, learn, plan, split_rewards
-from fbql_behaviors.core.observation import Feature
-from fbql_behaviors.core.patterns import Patterns, patterns_from_rows
+from fbql_behaviors.core.patterns import Patterns
 from fbql_behaviors.core.quantizer import levels_of, rad_s_of
 from fbql_behaviors.core.tree import Split, Tree
 from fbql_common.core.errors import BadInput
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from tree_strategies import PLANE, Row, patterns_of_rows, rows
 
-FEATURES = (Feature("distance", "m", 0.0, 3.2), Feature("bearing", "rad", -3.0, 3.0))
 DP = InductionParameters(method="dp", min_range=1 / 8)
 OBJECTIVES = pytest.mark.parametrize("objective", ["printed", "weighted"])
-ROWS = st.lists(
-    st.tuples(st.floats(0.0, 3.19), st.floats(-3.0, 2.99), st.sampled_from([0, 100, 420, 840])), min_size=1, max_size=25
-)
-
-
-def patterns_of_rows(rows: list[tuple[float, float, int]]) -> Patterns:
-    return patterns_from_rows(FEATURES, [row[:2] for row in rows], [row[2] for row in rows])
+ROWS = rows([0, 100, 420, 840], max_size=25)
 
 
 def scattered(n: int, seed: int = 0) -> Patterns:
@@ -37,55 +29,7 @@ def scattered(n: int, seed: int = 0) -> Patterns:
     x = np.stack((rng.uniform(0.0, 3.2, n), rng.uniform(-3.0, 3.0, n)), axis=1)
     wheel_class = 100 * (x[:, 0] > 1.1) + 50 * (x[:, 1] > 0.3)
     wheel_class = np.where(rng.random(n) < 0.2, rng.integers(0, 841, n), wheel_class)
-    return Patterns(FEATURES, x, wheel_class.astype(np.int64), np.arange(n))
-
-
-def best_value_slowly(rows: list[tuple[float, float, int]], parameters: InductionParameters) -> float:
-    """The literal recursion: the best value of the root, every box's patterns selected one by one."""
-
-    def impurity(inside: frozenset[int]) -> float:
-        classes = [rows[k][2] for k in inside]
-        return entropy([classes.count(each) for each in set(classes)])
-
-    @cache
-    def value(box: tuple[tuple[float, float], ...], inside: frozenset[int]) -> float:
-        best = 0.0
-        if len(inside) < parameters.min_patterns or impurity(inside) <= parameters.max_entropy:
-            return best
-        for i, (low, high) in enumerate(box):
-            feature = FEATURES[i]
-            if (high - low) / 2 < parameters.min_range * (feature.high - feature.low) * (1 - 1e-9):
-                continue
-            middle = (low + high) / 2
-            left = frozenset(k for k in inside if rows[k][i] < middle)
-            right = inside - left
-            if not left or not right:
-                continue
-            gain = impurity(inside) - (len(left) * impurity(left) + len(right) * impurity(right)) / len(inside)
-            children = value((*box[:i], (low, middle), *box[i + 1 :]), left) + value(
-                (*box[:i], (middle, high), *box[i + 1 :]), right
-            )
-            if parameters.objective == "weighted":
-                worth = parameters.split_cost + gain * len(inside) / len(rows) + parameters.discount * children
-            else:
-                worth = parameters.split_cost + gain + parameters.discount * children / 2
-            best = max(best, worth)
-        return best
-
-    return value(tuple((f.low, f.high) for f in FEATURES), frozenset(range(len(rows))))
-
-
-@OBJECTIVES
-@settings(deadline=None, max_examples=40)
-@given(rows=ROWS, split_cost=st.sampled_from([0.0, -0.02, -0.2]), min_patterns=st.integers(2, 6))
-def test_planning_finds_the_value_of_the_literal_recursion(
-    objective: str, rows: list[tuple[float, float, int]], split_cost: float, min_patterns: int
-) -> None:
-    parameters = replace(
-        DP, objective=objective, split_cost=split_cost, min_patterns=min_patterns, discount=0.9, max_entropy=0.3
-    )
-    found = induce("ball_seeking", patterns_of_rows(rows), parameters, 0)
-    assert found.value == pytest.approx(best_value_slowly(rows, parameters), abs=1e-9)
+    return Patterns(PLANE, x, wheel_class.astype(np.int64), np.arange(n))
 
 
 def value_of_splits(boxes: Boxes, split: list[int], parameters: InductionParameters, box: int = 0) -> float:
@@ -107,33 +51,32 @@ def test_the_planned_tree_is_worth_the_planned_value(objective: str) -> None:
     assert value_of_splits(boxes, planned.split, parameters) == pytest.approx(planned.value)
 
 
-@settings(deadline=None, max_examples=40)
-@given(rows=ROWS, split_cost=st.sampled_from([0.0, -0.02, -0.2]))
+@given(data=ROWS, split_cost=st.sampled_from([0.0, -0.02, -0.2]))
 def test_the_weighted_value_is_the_entropy_that_is_removed_less_the_cost_of_the_splits(
-    rows: list[tuple[float, float, int]], split_cost: float
+    data: list[Row], split_cost: float
 ) -> None:
-    patterns = patterns_of_rows(rows)
+    patterns = patterns_of_rows(data)
     found = induce("ball_seeking", patterns, replace(DP, split_cost=split_cost), 0)
     leaf_ids = found.tree.leaf_ids(patterns.x)
     left_over = 0.0
     for leaf_id in range(found.tree.leaf_count):
         classes = patterns.wheel_class[leaf_ids == leaf_id]
-        left_over += len(classes) / len(rows) * entropy(np.unique(classes, return_counts=True)[1].tolist())
+        left_over += len(classes) / len(data) * entropy(np.unique(classes, return_counts=True)[1].tolist())
     removed = entropy(np.unique(patterns.wheel_class, return_counts=True)[1].tolist()) - left_over
     assert found.value == pytest.approx(removed + split_cost * (found.tree.leaf_count - 1), abs=1e-9)
 
 
 @OBJECTIVES
-@pytest.mark.parametrize("learning_rate", [1.0, 0.3])
-def test_learning_converges_to_the_planned_value(objective: str, learning_rate: float) -> None:
+def test_the_learned_tree_is_worth_the_planned_value(objective: str) -> None:
     parameters = InductionParameters(
-        objective=objective, min_range=1 / 8, trials=3000, learning_rate=learning_rate, epsilon_start=0.5
+        objective=objective, min_range=1 / 8, trials=2000, learning_rate=0.3, epsilon_start=0.5
     )
     boxes = find_boxes(scattered(120), (3, 3))
     learned, planned = learn(boxes, parameters, np.random.default_rng(0)), plan(boxes, parameters)
     assert learned.value == pytest.approx(planned.value, rel=0.01)
     assert value_of_splits(boxes, learned.split, parameters) == pytest.approx(planned.value, rel=0.01)
-    assert len(learned.curve) == 3000
+    assert len(learned.curve) == 2000
+    assert all(map(isfinite, learned.curve))
 
 
 def test_the_update_as_printed_diverges() -> None:
@@ -192,13 +135,8 @@ def test_no_leaf_is_narrower_than_the_smallest_range() -> None:
     tree = induce("ball_seeking", scattered(500), replace(DP, min_range=1 / 4, split_cost=0.0), 0).tree
     assert tree.leaf_count > 4
     for region in tree.regions():
-        for (low, high), feature in zip(region, FEATURES, strict=True):
+        for (low, high), feature in zip(region, PLANE, strict=True):
             assert high - low >= (feature.high - feature.low) / 4 * (1 - 1e-12)
-
-
-def test_every_leaf_holds_a_pattern_since_a_split_with_an_empty_half_is_not_offered() -> None:
-    tree = induce("ball_seeking", scattered(80), replace(DP, split_cost=0.0, min_range=1 / 64), 0).tree
-    assert min(leaf.patterns for leaf in tree.leaves) >= 1
 
 
 def test_every_leaf_holds_as_many_patterns_as_a_half_has_to() -> None:
@@ -207,7 +145,7 @@ def test_every_leaf_holds_as_many_patterns_as_a_half_has_to() -> None:
     for fewest in (1, 12):
         tree = induce("ball_seeking", patterns, replace(DP, split_cost=0.0, min_half_patterns=fewest), 0).tree
         leaves[fewest] = [leaf.patterns for leaf in tree.leaves]
-    assert min(leaves[1]) < 12 <= min(leaves[12])
+    assert 1 <= min(leaves[1]) < 12 <= min(leaves[12])
     assert len(leaves[12]) > 1
 
 
@@ -310,9 +248,3 @@ def test_the_gain_of_a_hand_made_split_is_that_of_the_hand() -> None:
     assert rewards[half, 0] == pytest.approx(0.5931471805599453)
     weighted, _ = split_rewards(boxes, InductionParameters(split_cost=-0.1, objective="weighted"))
     assert weighted[half, 0] == pytest.approx(0.6931471805599453 / 2 - 0.1)
-
-
-def test_every_value_stays_finite_on_random_data() -> None:
-    found = induce("ball_seeking", scattered(300, 5), InductionParameters(trials=30), 1)
-    assert isfinite(found.value)
-    assert all(isfinite(value) for value in found.curve)

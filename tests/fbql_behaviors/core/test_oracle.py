@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import induction_oracle as oracle
@@ -18,14 +17,12 @@ from fbql_behaviors.core.equations import (
     split_reward,
 )
 from fbql_behaviors.core.induction import InductionParameters, induce, learn, plan
-from fbql_behaviors.core.observation import Feature
-from fbql_behaviors.core.patterns import Patterns, patterns_from_rows
 from fbql_behaviors.core.quantizer import levels_of, rad_s_of, wheel_class_of
 from fbql_common.core.field import MAX_WHEEL_RAD_S
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tree_strategies import BEARINGS, DISTANCES, PLANE, patterns_of_rows, rows
 
-FEATURES = (Feature("distance", "m", 0.0, 3.2), Feature("bearing", "rad", -3.0, 3.0))
 HALVINGS = 3
 OBJECTIVES = pytest.mark.parametrize("objective", ["printed", "weighted"])
 EXPLORING = InductionParameters(
@@ -34,15 +31,12 @@ EXPLORING = InductionParameters(
 """All actions are random, so that every box is visited again and again, not only those of the best tree."""
 CLASSES = st.lists(st.integers(0, 5), min_size=1, max_size=30)
 REALS = st.floats(-100.0, 100.0)
-# quarters of the ranges are frequent, so that patterns lie on splits
-DISTANCES = st.one_of(st.sampled_from([0.0, 0.4, 0.8, 1.6, 2.4]), st.floats(0.0, 3.19))
-BEARINGS = st.one_of(st.sampled_from([-3.0, -1.5, 0.0, 0.75, 1.5]), st.floats(-3.0, 2.99))
-ROWS = st.lists(st.tuples(DISTANCES, BEARINGS, st.sampled_from([0, 100, 420, 840])), min_size=1, max_size=16)
+ROWS = rows([0, 100, 420, 840], max_size=16)
 
 
 def limits_of(parameters: InductionParameters) -> oracle.Limits:
     return oracle.Limits(
-        tuple((feature.low, feature.high) for feature in FEATURES),
+        tuple((feature.low, feature.high) for feature in PLANE),
         parameters.objective,
         parameters.split_cost,
         parameters.discount,
@@ -51,10 +45,6 @@ def limits_of(parameters: InductionParameters) -> oracle.Limits:
         parameters.min_half_patterns,
         parameters.max_entropy,
     )
-
-
-def patterns_of_rows(rows: Sequence[oracle.Row]) -> Patterns:
-    return patterns_from_rows(FEATURES, [row[:2] for row in rows], [row[2] for row in rows])
 
 
 def numbered(boxes: Boxes) -> dict[oracle.Box, int]:
@@ -68,17 +58,17 @@ def numbered(boxes: Boxes) -> dict[oracle.Box, int]:
 def drawn(seed: int, n: int = 40) -> list[oracle.Row]:
     """Random patterns whose class tells the quarter they lie in, one time in four it does not."""
     rng = np.random.default_rng(seed)
-    rows: list[oracle.Row] = []
+    data: list[oracle.Row] = []
     for distance, bearing, chance in rng.random((n, 3)).tolist():
         wheel_class = 2 * (distance > 0.4) + (bearing > 0.6) if chance > 0.25 else int(rng.integers(4))
-        rows.append((3.2 * distance, 6.0 * bearing - 3.0, int(wheel_class)))
-    return rows
+        data.append((3.2 * distance, 6.0 * bearing - 3.0, int(wheel_class)))
+    return data
 
 
 @OBJECTIVES
 @settings(max_examples=40)
 @given(
-    rows=ROWS,
+    data=ROWS,
     split_cost=st.sampled_from([0.0, -0.02, -0.2]),
     min_patterns=st.integers(2, 6),
     min_half_patterns=st.integers(1, 4),
@@ -86,7 +76,7 @@ def drawn(seed: int, n: int = 40) -> list[oracle.Row]:
 )
 def test_planning_finds_the_literal_value_of_every_box(
     objective: str,
-    rows: list[oracle.Row],
+    data: list[oracle.Row],
     split_cost: float,
     min_patterns: int,
     min_half_patterns: int,
@@ -100,24 +90,24 @@ def test_planning_finds_the_literal_value_of_every_box(
         min_half_patterns=min_half_patterns,
         max_entropy=max_entropy,
     )
-    boxes = find_boxes(patterns_of_rows(rows), (HALVINGS, HALVINGS))
+    boxes = find_boxes(patterns_of_rows(data), (HALVINGS, HALVINGS))
     found, box_of = plan(boxes, parameters).values, numbered(boxes)
-    for box, value in oracle.values(rows, limits_of(parameters)).items():
+    for box, value in oracle.values(data, limits_of(parameters)).items():
         assert found[box_of[box]] == pytest.approx(value, abs=1e-9)
 
 
 @OBJECTIVES
-@pytest.mark.parametrize("optimism", [0.0, 0.5])
-@pytest.mark.parametrize("learning_rate", [1.0, 0.3])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(
+    ("optimism", "learning_rate", "seed"), [(0.0, 1.0, 1), (0.0, 0.3, 2), (0.5, 1.0, 2), (0.5, 0.3, 1)]
+)
 def test_learned_q_of_every_box_converges_to_the_literal_value_within_1_percent_of_the_root(
     objective: str, optimism: float, learning_rate: float, seed: int
 ) -> None:
     parameters = replace(EXPLORING, objective=objective, optimism=optimism, learning_rate=learning_rate)
-    rows = drawn(seed)
-    boxes = find_boxes(patterns_of_rows(rows), (HALVINGS, HALVINGS))
+    data = drawn(seed)
+    boxes = find_boxes(patterns_of_rows(data), (HALVINGS, HALVINGS))
     learned, box_of = learn(boxes, parameters, np.random.default_rng(seed)).values, numbered(boxes)
-    expected = oracle.values(rows, limits_of(parameters))
+    expected = oracle.values(data, limits_of(parameters))
     root_value = expected[oracle.root(limits_of(parameters))]
     assert root_value > 0.1
     assert len(expected) > 30
@@ -127,8 +117,8 @@ def test_learned_q_of_every_box_converges_to_the_literal_value_within_1_percent_
 
 
 def test_few_trials_have_not_converged() -> None:
-    rows = drawn(1)
-    boxes = find_boxes(patterns_of_rows(rows), (HALVINGS, HALVINGS))
+    data = drawn(1)
+    boxes = find_boxes(patterns_of_rows(data), (HALVINGS, HALVINGS))
     exact = plan(boxes, EXPLORING).value
     few = learn(boxes, replace(EXPLORING, trials=3, optimism=0.0), np.random.default_rng(1)).value
     assert few < 0.99 * exact
@@ -161,12 +151,12 @@ def test_eq_3_and_4_of_any_numbers_are_the_printed_formulas(
 
 @OBJECTIVES
 @settings(max_examples=40)
-@given(rows=ROWS, point=st.tuples(DISTANCES, BEARINGS))
+@given(data=ROWS, point=st.tuples(DISTANCES, BEARINGS))
 def test_leaves_of_an_induced_tree_tile_the_root_and_hold_a_point_once(
-    objective: str, rows: list[oracle.Row], point: tuple[float, float]
+    objective: str, data: list[oracle.Row], point: tuple[float, float]
 ) -> None:
     parameters = replace(EXPLORING, method="dp", objective=objective, split_cost=0.0)
-    tree = induce("ball_seeking", patterns_of_rows(rows), parameters, 0).tree
+    tree = induce("ball_seeking", patterns_of_rows(data), parameters, 0).tree
     regions = tree.regions()
     assert sum((a[1] - a[0]) * (b[1] - b[0]) for a, b in regions) == pytest.approx(3.2 * 6.0)
     holding = [
@@ -176,7 +166,7 @@ def test_leaves_of_an_induced_tree_tile_the_root_and_hold_a_point_once(
     ]
     assert holding == [tree.answer(point)[0]]
     for leaf, (a, b) in zip(tree.leaves, regions, strict=True):
-        assert leaf.patterns == sum(a[0] <= row[0] < a[1] and b[0] <= row[1] < b[1] for row in rows)
+        assert leaf.patterns == sum(a[0] <= row[0] < a[1] and b[0] <= row[1] < b[1] for row in data)
 
 
 @settings(max_examples=30)

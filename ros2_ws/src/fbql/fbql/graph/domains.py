@@ -1,16 +1,19 @@
-"""Which ROS_DOMAIN_ID a command works in: one that nobody uses, or the one that somebody says."""
+"""The ROS domain of a command: the one in ROS_DOMAIN_ID, or a free one."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from pathlib import Path
 
 import domain_coordinator
 from fbql_common.core.errors import BadInput
 
 MAX_DOMAIN_ID = 232
 """The last domain whose ports exist."""
+_COORDINATED = range(1, 101)
+"""The domains that domain_coordinator hands out."""
 
 
 def domain_from() -> int | None:
@@ -27,9 +30,9 @@ def domain_from() -> int | None:
 
 @contextmanager
 def free_domain() -> Generator[int]:
-    """A domain that nobody on this machine uses, held meanwhile. Raises BadInput when there is none."""
+    """A domain that nobody on this machine uses, reserved meanwhile. Raises BadInput when there is none."""
     try:
-        domain = domain_coordinator.domain_id()
+        domain = domain_coordinator.domain_id(_quiet_domains())
         number = domain.__enter__()
     except RuntimeError:
         raise BadInput("every domain from 1 to 100 is in use here; set ROS_DOMAIN_ID") from None
@@ -37,3 +40,17 @@ def free_domain() -> Generator[int]:
         yield number
     finally:
         domain.__exit__(None, None, None)
+
+
+def _quiet_domains() -> Callable[[], int]:
+    """Returns, at each call, another domain in which no participant listens; at the end raises StopIteration.
+
+    domain_coordinator knows only the programs that use it. Other graphs show by their UDP ports: those of a domain are
+    7400 + 250 * domain and the 249 above (DDSI-RTPS 2.3, section 9.6.1.1).
+    """
+    used: set[int] = set()
+    for table in (Path("/proc/net/udp"), Path("/proc/net/udp6")):
+        if table.exists():
+            ports = [int(line.split()[1].rpartition(":")[2], 16) for line in table.read_text().splitlines()[1:]]
+            used |= {(port - 7400) // 250 for port in ports}
+    return iter([domain for domain in _COORDINATED if domain not in used]).__next__

@@ -1,0 +1,39 @@
+"""Shared memory of Fast DDS that killed processes left in /dev/shm.
+
+Fast DDS removes its files at an orderly end only; what is left of killed processes fills /dev/shm, 64 MB in many containers,
+until no node can start. A file is in use while a process holds the lock on its lock file (`fastdds shm clean` uses the same
+rule).
+"""
+
+from __future__ import annotations
+
+import fcntl
+from contextlib import suppress
+from pathlib import Path
+
+SHARED_MEMORY = Path("/dev/shm")
+SUFFIXES = ("_el", "_sl")
+"""Lock files beside a segment or a port: exclusive, shared."""
+
+
+def remove_leftovers(directory: Path = SHARED_MEMORY) -> list[str]:
+    """Removes the segments and ports whose owners are dead; returns their names. Skips what belongs to other users."""
+    names = {path.name.removesuffix("_el").removesuffix("_sl") for path in directory.glob("fastrtps_*")}
+    dead = sorted(name for name in names if not any(_is_locked(directory / f"{name}{suffix}") for suffix in SUFFIXES))
+    for name in dead:
+        for file in (name, *(f"{name}{suffix}" for suffix in SUFFIXES), f"sem.{name}_mutex"):
+            with suppress(OSError):
+                (directory / file).unlink()
+    return dead
+
+
+def _is_locked(path: Path) -> bool:
+    """Whether a process holds the lock; True, too, where that cannot be told."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return False
