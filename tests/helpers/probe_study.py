@@ -19,6 +19,7 @@ from fbql_common.core.errors import BadInput
 from fbql_studies.runner.study import Result, Task
 
 DESCRIPTION = "a study for tests"
+CAPTIONS = {"figure": "a figure"}
 COLUMNS = {"mean": "the mean of what was drawn", "n": "of how many tasks"}
 WAIT_S = 60.0
 

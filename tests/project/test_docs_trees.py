@@ -15,10 +15,10 @@ from fbql_behaviors.core.induction import induce
 from fbql_behaviors.core.observation import OBSERVATIONS
 from fbql_behaviors.core.patterns import Patterns, patterns_of
 from fbql_behaviors.core.recipes import RECIPES
-from fbql_studies.leaf_tuning import FRESH, PRINTED, SHIPPED
-from fbql_studies.tree_methods import FAMILIES
-from fbql_studies.tree_play import FIXED_ONLY, SETTINGS
-from fbql_studies.tree_words import SHOWN
+from fbql_studies.common.team_play import FIXED_ONLY, SETTINGS
+from fbql_studies.leaf_tuning.tables import FRESH, PRINTED, SHIPPED
+from fbql_studies.trees.methods import FAMILIES
+from fbql_studies.trees.tables import SHOWN
 from places import ROOT
 
 DOCS = ROOT / "docs"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fbql.statistics.courses import MEASURES, WINDOW, averaged, courses, successes_of
+from fbql.statistics.courses import MEASURES, WINDOW, courses, moving_average, successes_of
 from fbql_recording.core.metrics import OUTCOMES
 
 GOAL, OWN_GOAL, TIMEOUT = (OUTCOMES.index(each) for each in ("goal", "own_goal", "timeout"))
@@ -21,9 +21,9 @@ def test_a_success_carries_the_failures_before_it_and_those_after_the_last_count
 
 def test_a_moving_average_goes_over_the_last_successes_and_begins_with_the_first_whole_one() -> None:
     table = np.arange(1.0, 9.0)[:, None]
-    assert averaged(table)[:, 0].tolist() == [3.0, 4.0, 5.0, 6.0]
-    assert len(averaged(table[:WINDOW])) == 1
-    assert len(averaged(table[: WINDOW - 1])) == len(averaged(table[:0])) == 0
+    assert moving_average(table)[:, 0].tolist() == [3.0, 4.0, 5.0, 6.0]
+    assert len(moving_average(table[:WINDOW])) == 1
+    assert len(moving_average(table[: WINDOW - 1])) == len(moving_average(table[:0])) == 0
 
 
 def test_a_run_with_fewer_successes_counts_as_long_as_it_has_some() -> None:

@@ -16,7 +16,8 @@ from fbql_sim.core.world_loop import WorldLoop
 
 gymnasium = pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
 
-from fbql_studies.peers.play import score_in, score_of_law, score_of_session  # noqa: E402
+from fbql_studies.common.play import score_of  # noqa: E402
+from fbql_studies.peers.play import score_in, score_of_law  # noqa: E402
 from fbql_studies.peers.team_env import BLEND_ID, SELECTION_ID, BlendEnv, SelectionEnv, shipped_behaviors  # noqa: E402
 from fbql_studies.peers.wheels import SeenFromRobot, Shaped, wheels_env  # noqa: E402
 
@@ -41,7 +42,7 @@ def test_equal_weights_play_the_very_match_of_a_session_with_equal_weights() -> 
     env = BlendEnv(behaviors, action="weights", hold_steps=100_000)
     session = FusionParameters(controller="uniform", seed=SEED, episodes=EPISODES)
     score = score_in(env, lambda _: (1.0, 1.0, 1.0), SEED, EPISODES)
-    assert score == score_of_session(session, behaviors, WorldLoop())
+    assert score == score_of(session, behaviors, WorldLoop())
     assert score.steps > EPISODES
 
 

@@ -9,10 +9,11 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
 
-from fbql_studies.constant_blend import grid
+from fbql_studies.common.methods import FBQL
+from fbql_studies.common.tuning import grid
 from fbql_studies.peers.controls import Controls
 from fbql_studies.peers.course import SLICES, Course
-from fbql_studies.peers.learners import FBQL, FBQL_LITERAL, PPO_BLEND, TABULAR, Lesson, learn
+from fbql_studies.peers.learners import FBQL_LITERAL, PPO_BLEND, TABULAR, TrainingPlan, learn
 from fbql_studies.peers.tabular import TabularParameters, TabularQ, train
 from fbql_studies.peers.team_env import SelectionEnv, shipped_behaviors
 
@@ -76,9 +77,9 @@ def test_constant_weights_are_tried_on_a_whole_grid_of_the_simplex() -> None:
 
 
 def test_constant_weights_are_the_best_of_the_training_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fbql_studies.tuning.WALL_M", (0.07,))
-    monkeypatch.setattr("fbql_studies.tuning.APPROACH_RAD", (0.15,))
-    monkeypatch.setattr("fbql_studies.constant_blend.GRID", 1)
+    monkeypatch.setattr("fbql_studies.common.tuning.WALL_M", (0.07,))
+    monkeypatch.setattr("fbql_studies.common.tuning.APPROACH_RAD", (0.15,))
+    monkeypatch.setattr("fbql_studies.common.tuning.GRID", 1)
     controls = Controls(shipped_behaviors(), budget=1)
     assert controls.thresholds == (0.07, 0.15)
     assert controls.weights in grid(3)
@@ -88,12 +89,15 @@ def test_constant_weights_are_the_best_of_the_training_episodes(monkeypatch: pyt
     assert played["constant blend"] == played[f"{names[controls.weights]} alone"]
 
 
-def small(budget: int) -> Lesson:
-    return Lesson(shipped_behaviors(), budget, training_seed=50, evaluation_seed=1050, episodes=2)
+def small(budget: int) -> TrainingPlan:
+    return TrainingPlan(shipped_behaviors(), budget, training_seed=50, evaluation_seed=1050, episodes=2)
 
 
 @pytest.mark.parametrize("method", [TABULAR, FBQL_LITERAL, FBQL])
-def test_a_learner_trains_for_its_budget_and_plays_frozen_on_the_evaluation(method: str) -> None:
+def test_a_learner_trains_for_its_budget_and_plays_frozen_on_the_evaluation(
+    method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fbql_studies.peers.learners.CHOOSING_EPISODES", 1)
     found = [learn(method, small(3000)) for _ in range(2)]
     for learned in found:
         assert 3000 <= learned.course.steps < 3000 + 4000

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from fbql.report.contents import counted
-from fbql.statistics.courses import MEASURES, WINDOW, averaged, successes_of
+from fbql.statistics.courses import MEASURES, WINDOW, moving_average, successes_of
 
 STYLE = {
     "font.size": 9,
@@ -74,7 +74,7 @@ def write_figures(episodes: Sequence[Episode], title: str, directory: Path) -> l
 def _figure(table: NDArray[Any], title: str, label: str, measures: Sequence[str]) -> Figure:
     figure = Figure((4.6, 3.0), layout="constrained")
     axes = figure.subplots()
-    means = averaged(table)
+    means = moving_average(table)
     at = range(1, len(table) + 1)
     at_means = range(WINDOW, WINDOW + len(means))
     for measure, (colour, dashes) in zip(measures, _LINES, strict=False):
@@ -105,7 +105,7 @@ def _write_numbers(table: NDArray[Any], path: Path) -> Path:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(head)
         none = [[""] * len(MEASURES)] * min(WINDOW - 1, len(table))
-        means = none + [[*mean[:-1], 1.0 / mean[-1]] for mean in averaged(table).tolist()]
+        means = none + [[*mean[:-1], 1.0 / mean[-1]] for mean in moving_average(table).tolist()]
         for number, (row, mean) in enumerate(zip(table.tolist(), means, strict=True), start=1):
             writer.writerow([number, *(int(each) for each in row), *mean])
     return path

@@ -1,4 +1,4 @@
-"""The course of a run from success to success, as in the paper's Figs. 10 to 14, over many runs."""
+"""The course of runs from success to success, as in the paper's Figs. 10 to 14."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ from fbql.statistics.inference import Resamples
 from fbql.statistics.runs import Runs
 
 WINDOW = 5
-"""Successes of the paper's moving average."""
+"""Successes that the paper's moving average covers."""
 MEASURES = ("failures", "steps", "all steps", "collisions begun", "contact steps", "success rate")
-"""Of each success: failures before it, its steps, those with the failures before it, its collisions, and 1 / episodes."""
+"""For each success: failures before it, its steps, the steps including those failures, its collisions, 1 / episodes."""
 _GOAL = OUTCOMES.index("goal")
 _DIGITS = 4
 
 
 def courses(by_method: Mapping[str, Runs]) -> dict[str, Any]:
-    """Method -> measure -> [mean, low, high] over the runs at each success from the WINDOW-th on: moving averages and 95 %
-    intervals. Empty where no run has so many."""  # fmt: skip
+    """Method -> measure -> [mean, low, high] over the runs at each success from the WINDOW-th on.
+
+    Moving averages and their 95 % intervals; empty where no run has so many successes.
+    """
     return {method: _course(runs) for method, runs in by_method.items()}
 
 
@@ -33,20 +35,20 @@ def _course(runs: Runs) -> dict[str, Any]:
         return {}
     values = np.full((len(tables), longest - WINDOW + 1, len(MEASURES)), np.nan)
     for table, row in zip(tables, values, strict=True):
-        found = averaged(table)
+        found = moving_average(table)
         row[: len(found)] = found
     resamples = Resamples([tree for tree, _ in runs])
     told: dict[str, Any] = {"first": WINDOW, "runs": (~np.isnan(values[:, :, 0])).sum(axis=0).tolist()}
     for i, measure in enumerate(MEASURES):
         band = resamples.mean_band(values[:, :, i])
-        if measure == "success rate":  # it was averaged as episodes for each success
+        if measure == "success rate":  # averaged as episodes per success
             band = 1.0 / band[[0, 2, 1]]
         told[measure] = [[float(f"{x:.{_DIGITS}g}") for x in line] for line in band.tolist()]
     return told
 
 
 def successes_of(course: Sequence[Sequence[int]]) -> NDArray[np.float64]:
-    """A row of MEASURES for each success of a run; "success rate" holds the episodes that it took.
+    """A row of MEASURES for each success of a run; "success rate" holds the number of episodes that it took.
 
     Args:
         course: [outcome, steps, collisions begun, contact steps] of each episode, in order; outcome is an index of OUTCOMES.
@@ -63,7 +65,7 @@ def successes_of(course: Sequence[Sequence[int]]) -> NDArray[np.float64]:
     return np.array(rows, dtype=np.float64).reshape(-1, len(MEASURES))
 
 
-def averaged(table: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The mean of each WINDOW rows in a row, [rows - WINDOW + 1, columns]; none where there are fewer."""
+def moving_average(table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The mean of each WINDOW consecutive rows, [rows - WINDOW + 1, columns]; no rows where there are fewer."""
     sums = np.cumsum(np.vstack([np.zeros_like(table[:1]), table]), axis=0)
     return (sums[WINDOW:] - sums[:-WINDOW]) / WINDOW

@@ -1,6 +1,6 @@
-"""Intervals and tests for studies: what holds of the mean over seeds, not of one lucky seed.
+"""Confidence intervals and tests over runs: what holds for the mean over seeds, not for one lucky seed.
 
-All chance is from a fixed seed, so that a table repeats bit for bit.
+Bootstraps and permutation tests draw from a generator with a fixed seed, so that a table repeats bit for bit.
 """
 
 from __future__ import annotations
@@ -25,13 +25,12 @@ class Interval(NamedTuple):
 
 
 def ratio_of_sums(numerators: Sequence[float], denominators: Sequence[float]) -> Interval:
-    """sum(numerators) / sum(denominators) over runs, with a percentile bootstrap over the runs.
+    """sum(numerators) / sum(denominators) over runs, with the percentile bootstrap over the runs.
 
-    This is cost/goal of a method over many runs: steps and goals are summed before they are divided, so that a run with few
-    goals does not count as much as one with many. NaN where the denominators' sum is 0; one run alone has no interval: its
-    ends are NaN.
+    A method's cost/goal is such a ratio: steps and goals are summed before they are divided, so that a run with few goals
+    does not count as much as one with many. NaN where the denominators sum to 0; a single run has no interval (NaN ends).
 
-    Source: Efron & Tibshirani, An Introduction to the Bootstrap (1993), ch. 13.
+    Source: Efron & Tibshirani, An Introduction to the Bootstrap (1993), section 13.3 (the percentile interval).
     """
     pairs = np.array([numerators, denominators], dtype=np.float64)
     rng = np.random.default_rng(SEED)
@@ -45,22 +44,22 @@ def ratio_of_sums(numerators: Sequence[float], denominators: Sequence[float]) ->
 
 
 class Sums(NamedTuple):
-    """What a ratio of sums is made of, run by run."""
+    """The terms of a ratio of sums, run by run."""
 
     numerators: Sequence[float]
     denominators: Sequence[float]
 
 
 def clustered_ratio(ours: Sums, clusters: Sequence[int], theirs: Sums | None = None) -> Interval:
-    """The ratio of sums, or that of ours over theirs, with a bootstrap over clusters and over the runs within them.
+    """The ratio of sums, or that of ours over theirs, with a two-stage bootstrap: over clusters, then over runs in them.
 
     Runs on the same trees are alike: five seeds on each of five tree sets say less than 25 independent runs. So tree sets
-    are drawn first, then runs of each. The runs of ours and theirs are paired, and stay together.
+    are drawn first, then runs of each. The runs of ours and theirs are paired, and are drawn together.
 
-    Source: Davison & Hinkley, Bootstrap Methods and their Application (1997), section 3.8.
+    Source: Davison & Hinkley, Bootstrap Methods and their Application (1997), section 3.8 (hierarchical data).
 
     Args:
-        clusters: the tree set of each run. One run alone has no interval: its ends are NaN.
+        clusters: the tree set of each run. A single run has no interval (NaN ends).
     """
     resamples = Resamples(clusters)
     whole = np.ones((1, len(clusters)))
@@ -73,7 +72,7 @@ def clustered_ratio(ours: Sums, clusters: Sequence[int], theirs: Sums | None = N
 
 
 def _bounds(values: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """The 95 % interval of resampled values; those that are not known (0 / 0) are left out."""
+    """The 95 % percentile interval of resampled values, without those that are 0 / 0."""
     known = values[~np.isnan(values)]
     if not len(known):
         return float("nan"), float("nan")
@@ -83,14 +82,14 @@ def _bounds(values: npt.NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _ratios(counts: npt.NDArray[np.float64], sums: Sums) -> npt.NDArray[np.float64]:
-    """The ratio of sums when each run counts so often, [resamples]."""
+    """The ratio of sums of each resample, [resamples]; `counts` [resamples, runs] is how often a run was drawn."""
     return (counts @ np.array(sums.numerators, dtype=np.float64)) / (
         counts @ np.array(sums.denominators, dtype=np.float64)
     )
 
 
 class Resamples:
-    """Resamples of runs: clusters are drawn with replacement, then as many runs of each as it has.
+    """Two-stage bootstrap resamples of runs: clusters are drawn with replacement, then as many runs of each as it has.
 
     Args:
         clusters: the cluster of each run.
@@ -110,10 +109,10 @@ class Resamples:
                 np.add.at(self.counts, (here[:, None], drawn), 1.0)
 
     def mean_band(self, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """The mean over runs at each point, and its 95 % interval, [3, points]; of one run it has no width.
+        """The mean over runs at each point, and its 95 % interval, [3, points]; that of one run has no width.
 
         Args:
-            values: [runs, points]; NaN where a run has none, which then counts in nothing.
+            values: [runs, points]; NaN where a run has no value, and is left out.
         """
         there = ~np.isnan(values)
         return self.ratio_band(np.where(there, values, 0.0), there.astype(np.float64))
@@ -135,17 +134,18 @@ class Resamples:
 
 
 def mean_interval(values: Sequence[float]) -> Interval:
-    """The mean over runs, with a percentile bootstrap over the runs; one run alone has no interval: its ends are NaN."""
+    """The mean over runs, with the percentile bootstrap over the runs; a single run has no interval (NaN ends)."""
     return ratio_of_sums(values, [1.0] * len(values))
 
 
 def paired_p_value(ours: Sequence[float], theirs: Sequence[float]) -> float:
     """Two-sided p of the paired sign-flip permutation test that the mean difference is 0.
 
-    Each pair is of the same tree set and seed. With RESAMPLES random flips the smallest p is 1 / (RESAMPLES + 1). One pair
-    alone says nothing: NaN.
+    The two of a pair have the same tree set and seed. With B = RESAMPLES random sign flips, p = (1 + #{|mean| at least the
+    observed one}) / (B + 1), so that the smallest p is 1 / (B + 1). A single pair says nothing: NaN.
 
-    Source: Good, Permutation, Parametric and Bootstrap Tests of Hypotheses (2005), section 3.
+    Sources: Good, Permutation, Parametric and Bootstrap Tests of Hypotheses (2005), chapter 3; for counting the observed
+    one, Phipson & Smyth, Permutation P-values Should Never Be Zero (2010).
     """
     if len(ours) < 2:
         return nan
@@ -154,5 +154,5 @@ def paired_p_value(ours: Sequence[float], theirs: Sequence[float]) -> float:
     rng = np.random.default_rng(SEED)
     signs: npt.NDArray[np.float64] = rng.choice([-1.0, 1.0], size=(RESAMPLES, len(differences)))
     means = np.abs((signs * differences).mean(axis=1))
-    # Equal means may differ in the last bit: a hair of tolerance keeps them equal.
+    # Equal means may differ in the last bit, hence the tolerance.
     return float((1 + (means >= observed * (1 - 1e-12)).sum()) / (RESAMPLES + 1))

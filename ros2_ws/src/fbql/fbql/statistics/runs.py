@@ -1,4 +1,4 @@
-"""Method x what it reached, with intervals, and paired with its controls on the same episodes."""
+"""Methods over their runs: ratios with intervals, and comparisons with controls on the same episodes."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from typing import Any
 from fbql.statistics.inference import Interval, Sums, clustered_ratio, paired_p_value
 from fbql.statistics.tables import Row, finite
 
-Run = Mapping[str, Any]
-"""The figures of one run, with its method, tree_seed and seed."""
-Runs = Mapping[tuple[int, int], Run]
+RunCounts = Mapping[str, Any]
+"""The counts of one run, with its method, tree_seed and seed."""
+Runs = Mapping[tuple[int, int], RunCounts]
 """(tree seed, run seed) -> run."""
 
 
-def runs_by_method(found: Iterable[Run], methods: Sequence[str]) -> dict[str, Runs]:
-    """Method -> its runs, in the order of `methods`; a method without a run is left out."""
-    by_method: dict[str, dict[tuple[int, int], Run]] = {method: {} for method in methods}
+def runs_by_method(found: Iterable[RunCounts], methods: Sequence[str]) -> dict[str, Runs]:
+    """Method -> its runs, in the order of `methods`; methods without a run are left out."""
+    by_method: dict[str, dict[tuple[int, int], RunCounts]] = {method: {} for method in methods}
     for each in found:
         by_method[each["method"]][each["tree_seed"], each["seed"]] = each
     return {method: dict(sorted(runs.items())) for method, runs in by_method.items() if runs}
 
 
 def ratio(runs: Runs, numerator: str, denominator: str) -> Interval:
-    """One figure for each of another, with an interval over tree sets and their runs."""
+    """The ratio of two counts, with an interval over tree sets and their runs."""
     return clustered_ratio(_sums(runs.values(), numerator, denominator), [tree for tree, _ in runs])
 
 
 def cost_ratio(ours: Runs, theirs: Runs) -> Interval:
-    """Our cost/goal over theirs, over the runs that both have; NaN where they have no goal."""
+    """Our cost/goal over theirs, on the runs that both have; NaN where they have no goal."""
     both = [key for key in ours if key in theirs]
     if not any(theirs[key]["goals"] for key in both):
         return Interval(nan, nan, nan)
@@ -43,13 +43,13 @@ def cost_ratios_by_trees(ours: Runs, theirs: Runs) -> dict[int, float]:
     return {tree: cost_ratio(_of(ours, tree), _of(theirs, tree)).estimate for tree in trees}
 
 
-def cost_of(run: Run) -> float:
-    """cost/goal of a run; one without a goal costs what it took."""
+def cost_of(run: RunCounts) -> float:
+    """cost/goal of a run; a run without a goal costs all its steps."""
     return run["steps"] / max(run["goals"], 1)
 
 
-def p_of(ours: Runs, theirs: Runs) -> float | None:
-    """p of the paired test that both cost the same, run by run; None where fewer than two can be paired."""
+def cost_p_value(ours: Runs, theirs: Runs) -> float | None:
+    """p of the sign-flip test, paired by run, that both cost the same; None with fewer than two pairs."""
     both = [key for key in ours if key in theirs]
     if len(both) < 2 or ours is theirs:
         return None
@@ -84,13 +84,13 @@ def method_row(method: str, by_method: Mapping[str, Runs], controls: Mapping[str
             f"ratio_{name}": found.estimate,
             f"ratio_{name}_low": found.low,
             f"ratio_{name}_high": found.high,
-            f"p_{name}": p_of(own, other),
+            f"p_{name}": cost_p_value(own, other),
         }
     return finite(row)
 
 
 def _is_counted(runs: Runs) -> bool:
-    """Whether the steps of the episodes that ended in a goal were counted apart from the others."""
+    """Whether the steps of the episodes that ended in a goal were counted separately."""
     return all("steps_to_goals" in run for run in runs.values())
 
 
@@ -98,6 +98,6 @@ def _of(runs: Runs, tree_seed: int) -> Runs:
     return {key: run for key, run in runs.items() if key[0] == tree_seed}
 
 
-def _sums(runs: Iterable[Run], numerator: str, denominator: str) -> Sums:
+def _sums(runs: Iterable[RunCounts], numerator: str, denominator: str) -> Sums:
     pairs = [(run[numerator], run[denominator]) for run in runs]
     return Sums([pair[0] for pair in pairs], [pair[1] for pair in pairs])

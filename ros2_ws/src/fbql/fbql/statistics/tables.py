@@ -1,4 +1,4 @@
-"""Tables that people read: a head and a body of words, as Markdown for the pages and as aligned text for a terminal."""
+"""Tables that people read: a head and a body of text cells, as Markdown for pages and as aligned text for a terminal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NONE = "n/a"
 
 
 class Table(NamedTuple):
-    """A table of words, as people read it."""
+    """A table of text cells."""
 
     head: Sequence[str]
     body: Sequence[Sequence[str]]
@@ -28,17 +28,17 @@ def as_markdown(table: Table) -> str:
 
 
 def as_text(table: Table, width: int | None = None) -> str:
-    """The table with aligned columns: numbers to the right, words to the left, emphasis left out.
+    """The table with aligned columns: numbers to the right, words to the left, without emphasis.
 
     Args:
-        width: characters that a line may have, those of the terminal where it is not given. A table that is wider goes on
-            below with its other columns, the first one repeated; one column beside it there always is.
+        width: characters of a line; the terminal's width unless given. The columns that don't fit follow below, with the
+            first one repeated and at least one beside it.
     """
     width = width or get_terminal_size((160, 0)).columns
     cells = [[cell.replace("**", "") for cell in row] for row in (table.head, *table.body)]
     columns = list(zip(*cells, strict=True))
     widths = [max(map(len, column)) for column in columns]
-    align = [str.ljust if _is_wordy(column[1:]) else str.rjust for column in columns]
+    align = [str.ljust if _has_words(column[1:]) else str.rjust for column in columns]
     parts: list[list[int]] = [[]]
     for i in range(1, len(widths)):
         if parts[-1] and sum(len(_GAP) + widths[j] for j in (*parts[-1], i)) + widths[0] > width:
@@ -50,13 +50,13 @@ def as_text(table: Table, width: int | None = None) -> str:
     )
 
 
-def _is_wordy(column: Sequence[str]) -> bool:
-    """Whether there is a cell that does not begin like a number."""
+def _has_words(column: Sequence[str]) -> bool:
+    """Whether a cell does not begin like a number."""
     return any(cell[0] not in "+-.0123456789" for cell in column if cell and cell != _NONE)
 
 
 def rows_as_text(rows: Sequence[Row], width: int | None = None) -> str:
-    """Rows as they are, in tables with aligned columns; rows of other columns begin a new table."""
+    """Rows as tables with aligned columns; a row with other columns begins a new table."""
     parts = [(list(columns), list(part)) for columns, part in groupby(rows, key=tuple)]
     told = [Table(columns, [[_cell(row[name]) for name in columns] for row in part]) for columns, part in parts]
     return "\n\n".join(as_text(each, width) for each in told) or "no results"
@@ -69,7 +69,7 @@ def _cell(value: object) -> str:
 
 
 def between(row: Row, middle: str, low: str, high: str, form: str, scale: float = 1.0) -> str:
-    """An estimate with its interval, by the names of their columns: no interval without a low end, ∞ without a high one."""
+    """An estimate with its interval, from the columns named: no interval without a low end, ∞ without a high one."""
     words = number(row[middle], form, scale)
     if words and row[low] is not None:
         words += f" ({number(row[low], form, scale)} to {number(row[high], form, scale) or '∞'})"
@@ -77,22 +77,22 @@ def between(row: Row, middle: str, low: str, high: str, form: str, scale: float 
 
 
 def number(value: float | None, form: str, scale: float = 1.0) -> str:
-    """A number; empty where there is none."""
+    """A number in a format; empty where there is none."""
     return "" if value is None else f"{value * scale:{form}}"
 
 
 def mean_of(values: Sequence[float]) -> float | None:
-    """The mean; None of nothing."""
+    """The mean; None where there are no values."""
     return sum(values) / len(values) if values else None
 
 
-def filled(rows: Iterable[Row]) -> list[Row]:
-    """The rows with the same columns each: None where a row has none."""
+def with_all_columns(rows: Iterable[Row]) -> list[Row]:
+    """The rows, each with every column that one of them has: None where a row had none."""
     kept = list(rows)
     columns = {name: None for row in kept for name in row}
     return [{**columns, **row} for row in kept]
 
 
 def finite(row: Row) -> Row:
-    """The row with None for what is not a finite number: a table is JSON."""
+    """The row with None for numbers that are not finite, which JSON doesn't have."""
     return {key: None if isinstance(value, float) and not isfinite(value) else value for key, value in row.items()}

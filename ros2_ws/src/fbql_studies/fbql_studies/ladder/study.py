@@ -13,7 +13,7 @@ from time import perf_counter
 from typing import Any
 
 from fbql.statistics.runs import Runs, method_row, runs_by_method
-from fbql.statistics.tables import Row, filled
+from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
@@ -168,7 +168,7 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
 def table(results: Mapping[str, Result]) -> list[Row]:
     """Methods; then each learner's tree sets and rungs b and c; then the size of what was learned."""
     by_method = _runs(results)
-    rows = filled(method_row(method, by_method, CONTROLS | TWINS.get(method, {})) for method in by_method)
+    rows = with_all_columns(method_row(method, by_method, CONTROLS | TWINS.get(method, {})) for method in by_method)
     learners = [learner for learner in TRAINED if learner in by_method and RETUNED in by_method]
     for learner in learners:
         rows += tables.tree_rows(learner, by_method[learner], by_method[RETUNED], results)

@@ -16,7 +16,7 @@ from pathlib import Path
 from fbql.match.in_process import play
 from fbql.statistics.courses import courses
 from fbql.statistics.runs import Runs, method_row, runs_by_method
-from fbql.statistics.tables import Row, filled
+from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import Phase
 from fbql_fusion.core.controllers import FbqlLiteral
@@ -195,7 +195,7 @@ def play_run(
 def table(results: Mapping[str, Result]) -> list[Row]:
     """Methods, with intervals over tree sets and runs and paired with the controls; then the rungs of 50 goals."""
     by_method = runs_of(results)
-    rows = filled(
+    rows = with_all_columns(
         {**method_row(method, by_method, CONTROLS | TWINS.get(method, {})), **_tied(runs)}
         for method, runs in by_method.items()
     )

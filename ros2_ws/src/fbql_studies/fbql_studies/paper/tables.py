@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import nan
 
-from fbql.statistics.runs import Runs, cost_ratio, p_of
+from fbql.statistics.runs import Runs, cost_p_value, cost_ratio
 from fbql.statistics.tables import Row, Table, finite
 
 from fbql_studies.common.fusion_tables import METHOD_COLUMNS, SIZE_COLUMNS, methods_table
@@ -25,7 +25,7 @@ def rung_a_rows(method: str, by_method: Mapping[str, Runs], paper: str, *twins: 
     """Rung a: while learning, within the paper's 50 goals, against the paper-like Subsumption and its frozen twins."""
     ours, theirs = by_method[method], by_method[paper]
     own_goals = [sum(run["own_goals"] for run in runs.values()) for runs in (ours, theirs)]
-    p = p_of(ours, theirs)
+    p = cost_p_value(ours, theirs)
     rows = [
         rung_row(method, "own goals to Subsumption's", own_goals[0] / own_goals[1] if own_goals[1] else nan, OWN_GOALS),
         rung_row(method, "cost/goal to Subsumption's", cost_ratio(ours, theirs).estimate, COST),

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import json
-from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
 
 import pytest
 from fbql_common.core.errors import BadInput
-from fbql_studies import peers_study as peers
-from fbql_studies.paper import FIRST_RUN_SEED
-from fbql_studies.runner.study import MEASURED, Result, Task
-from fbql_studies.tree_play import Score
+from fbql_studies.common.methods import LAW, PAPER, RETUNED
+from fbql_studies.common.play import Score
+from fbql_studies.common.training import FIRST_RUN_SEED
+from fbql_studies.peers import study as peers
+from fbql_studies.runner.study import MEASURED, Result
+from studies import shipped, tasks_of
 
 pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
 
-from fbql_studies.peers.controls import LAW, PAPER, RETUNED
 from fbql_studies.peers.learners import LEARNERS, NEED_PPO, TABULAR
-
-
-def tasks(*arguments: str) -> list[Task]:
-    parser = ArgumentParser()
-    peers.add_options(parser)
-    return peers.tasks(parser.parse_args(list(arguments)))
 
 
 @pytest.fixture
@@ -36,7 +30,7 @@ def installed(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize("installed", [True], indirect=True)
 @pytest.mark.usefixtures("installed")
 def test_every_learner_has_a_task_for_each_tree_set_and_seed_and_the_controls_one_for_each_tree_set() -> None:
-    found = tasks("--trees", "3", "--seeds", "2")
+    found = tasks_of(peers, "--trees", "3", "--seeds", "2")
     assert len({task.key for task in found}) == len(found) == 3 + 3 * 2 * len(LEARNERS)
     assert all("/" not in task.key and " " not in task.key for task in found)
     assert json.loads(json.dumps([task.parameters for task in found])) == [task.parameters for task in found]
@@ -47,7 +41,7 @@ def test_every_learner_has_a_task_for_each_tree_set_and_seed_and_the_controls_on
 def test_without_the_extra_its_peers_are_left_out_with_one_line_and_rows_that_say_so(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    found = tasks("--trees", "1", "--seeds", "1")
+    found = tasks_of(peers, "--trees", "1", "--seeds", "1")
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "pip install -r requirements-peers.txt" in said
@@ -69,7 +63,7 @@ def test_a_seed_either_trains_or_judges() -> None:
 @pytest.mark.parametrize("arguments", [("--seeds", "0"), ("--seeds", "101"), ("--trees", "10"), ("--steps", "0")])
 def test_numbers_out_of_range_are_refused(arguments: tuple[str, str]) -> None:
     with pytest.raises(BadInput, match=f"{arguments[0]} is {arguments[1]}"):
-        tasks(*arguments)
+        tasks_of(peers, *arguments)
 
 
 def controls(steps: dict[str, int], goals: int = 9) -> Result:
@@ -120,10 +114,14 @@ def test_a_method_without_a_goal_has_no_cost_and_the_table_is_json() -> None:
 
 @pytest.mark.parametrize("installed", [True], indirect=True)
 @pytest.mark.usefixtures("installed")
-def test_a_task_gives_the_same_result_again_and_its_figures_can_be_drawn(tmp_path: Path) -> None:
+def test_a_task_gives_the_same_result_again_and_its_figures_can_be_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(peers, "behaviors_of", lambda _seed: shipped())
+    monkeypatch.setattr("fbql_studies.peers.learners.CHOOSING_EPISODES", 1)
     task = next(
         each
-        for each in tasks("--trees", "1", "--seeds", "1", "--steps", "2000", "--episodes", "2")
+        for each in tasks_of(peers, "--trees", "1", "--seeds", "1", "--steps", "2000", "--episodes", "2")
         if each.parameters["part"] == TABULAR
     )
     result = peers.run(task.parameters)

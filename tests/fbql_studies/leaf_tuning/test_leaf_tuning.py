@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from argparse import ArgumentParser
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -15,19 +14,14 @@ from fbql_behaviors.core.leaf_tuning import TuningParameters
 from fbql_behaviors.core.tree import Tree
 from fbql_common.core.errors import BadInput
 from fbql_fusion.core.parameters import PRESETS, Thresholds
-from fbql_studies import leaf_tuning
-from fbql_studies.runner.study import Result, Task
-from fbql_studies.tree_play import Score
-
-
-def tasks(*arguments: str) -> list[Task]:
-    parser = ArgumentParser()
-    leaf_tuning.add_options(parser)
-    return leaf_tuning.tasks(parser.parse_args(list(arguments)))
+from fbql_studies.common.play import Score
+from fbql_studies.leaf_tuning import study as leaf_tuning
+from fbql_studies.runner.study import Result
+from studies import tasks_of
 
 
 def test_every_kind_of_trees_is_tuned_with_every_seed() -> None:
-    found = tasks("--seeds", "3")
+    found = tasks_of(leaf_tuning, "--seeds", "3")
     assert len({task.key for task in found}) == len(found) == 9
     assert {task.parameters["trees"] for task in found} == {
         leaf_tuning.SHIPPED,
@@ -38,19 +32,23 @@ def test_every_kind_of_trees_is_tuned_with_every_seed() -> None:
 
 
 def test_what_is_measured_on_was_never_tuned_on() -> None:
-    tuning = {task.parameters["tuning_seed"] for task in tasks("--seeds", "50")}
+    tuning = {task.parameters["tuning_seed"] for task in tasks_of(leaf_tuning, "--seeds", "50")}
     assert max(tuning) < 1000 <= leaf_tuning.FIRST_MEASURING_SEED
 
 
 def test_fresh_trees_are_others_for_each_seed() -> None:
-    fresh = [task.parameters for task in tasks("--seeds", "4") if task.parameters["trees"] == leaf_tuning.FRESH]
+    fresh = [
+        task.parameters
+        for task in tasks_of(leaf_tuning, "--seeds", "4")
+        if task.parameters["trees"] == leaf_tuning.FRESH
+    ]
     assert len({each["demonstration_seed"] for each in fresh}) == 4
     assert min(each["demonstration_seed"] for each in fresh) >= 1000
 
 
 def test_numbers_out_of_range_are_refused() -> None:
     with pytest.raises(BadInput, match="--starts is 0"):
-        tasks("--starts", "0")
+        tasks_of(leaf_tuning, "--starts", "0")
 
 
 def few(behavior: str) -> TuningParameters:
@@ -75,7 +73,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("small")
 def test_a_task_tunes_every_behavior_and_plays_teams_with_all_one_or_none_tuned() -> None:
-    task = tasks("--seeds", "1", "--starts", "2", "--episodes", "10")[0]
+    task = tasks_of(leaf_tuning, "--seeds", "1", "--starts", "2", "--episodes", "10")[0]
     result = leaf_tuning.run(task.parameters)
     assert json.loads(json.dumps(result)) == result
     assert leaf_tuning.run(task.parameters) == result

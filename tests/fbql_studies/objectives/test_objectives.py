@@ -3,42 +3,36 @@
 from __future__ import annotations
 
 import json
-from argparse import ArgumentParser
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from fbql.statistics.tables import as_markdown
 from fbql_common.core.errors import BadInput
-from fbql_studies import objectives, tree_methods, trees
-from fbql_studies.leaf_tuning import FIRST_MEASURING_SEED
-from fbql_studies.runner.study import Task
-from fbql_studies.tree_play import SETTINGS, TUNING_SEED, Score
-
-FEW = {behavior: replace(recipe, demonstrations=12, steps=20) for behavior, recipe in tree_methods.RECIPES.items()}
-
-
-def tasks(*arguments: str) -> list[Task]:
-    parser = ArgumentParser()
-    objectives.add_options(parser)
-    return objectives.tasks(parser.parse_args(list(arguments)))
+from fbql_studies.common import pattern_sets
+from fbql_studies.common.play import Score
+from fbql_studies.common.team_play import SETTINGS
+from fbql_studies.common.tuning import TUNING_SEED
+from fbql_studies.leaf_tuning.study import FIRST_MEASURING_SEED
+from fbql_studies.objectives import study as objectives
+from fbql_studies.trees.methods import FIRST_SEED
+from studies import FEW_DEMONSTRATIONS, tasks_of
 
 
 def test_no_seed_is_one_of_another_study_or_of_tuning() -> None:
-    seeds = {task.parameters["seed"] for task in tasks("--seeds", "500")}
+    seeds = {task.parameters["seed"] for task in tasks_of(objectives, "--seeds", "500")}
     assert len(seeds) == 500
-    assert max(TUNING_SEED, trees.FIRST_SEED + 500) < min(seeds)
+    assert max(TUNING_SEED, FIRST_SEED + 500) < min(seeds)
     assert max(seeds) < FIRST_MEASURING_SEED
 
 
 @pytest.mark.parametrize("name", ["seeds", "episodes"])
 def test_a_study_of_nothing_is_refused(name: str) -> None:
     with pytest.raises(BadInput, match=f"--{name} is 0"):
-        tasks(f"--{name}", "0")
+        tasks_of(objectives, f"--{name}", "0")
 
 
 def test_both_objectives_play_the_same_episodes_twice_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tree_methods, "RECIPES", FEW)
+    monkeypatch.setattr(pattern_sets, "RECIPES", FEW_DEMONSTRATIONS)
     monkeypatch.setattr(objectives, "retuned", lambda _: (0.1, 0.2))
     asked: list[tuple[int, int]] = []
 
@@ -47,7 +41,7 @@ def test_both_objectives_play_the_same_episodes_twice_the_same(monkeypatch: pyte
         return Score(episodes, 2, 0, 1, sum(tree.leaf_count for tree in found.values()), 3, 4)
 
     monkeypatch.setattr(objectives, "score", count_leaves)
-    (task,) = tasks("--seeds", "1", "--episodes", "3")
+    (task,) = tasks_of(objectives, "--seeds", "1", "--episodes", "3")
     result = objectives.run(task.parameters)
     assert objectives.run(task.parameters) == json.loads(json.dumps(result)) == result
     assert set(asked) == {(objectives.FIRST_SEED, 3)}

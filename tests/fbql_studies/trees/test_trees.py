@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from argparse import ArgumentParser
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,63 +25,62 @@ for package in ("sklearn", "matplotlib"):
     pytest.importorskip(package, reason=f"{package} is in requirements-study.txt")
 
 from fbql.statistics.tables import as_markdown  # noqa: E402
-from fbql_studies import optimal_trees, tree_figures, tree_methods, tree_play, trees  # noqa: E402
-from fbql_studies.runner.study import MEASURED, Task  # noqa: E402
+from fbql_studies.common import pattern_sets, team_play  # noqa: E402
+from fbql_studies.common.play import Score  # noqa: E402
+from fbql_studies.common.tuning import TUNING_SEED  # noqa: E402
+from fbql_studies.runner.study import MEASURED  # noqa: E402
+from fbql_studies.trees import figures, methods, optimal  # noqa: E402
+from fbql_studies.trees import study as trees  # noqa: E402
+from studies import FEW_DEMONSTRATIONS, tasks_of  # noqa: E402
 
 FEATURES = (Feature("distance", "m", 0.0, 1.6), Feature("bearing", "rad", -2.0, 2.0))
-FEW = {behavior: replace(recipe, demonstrations=12, steps=20) for behavior, recipe in tree_methods.RECIPES.items()}
 
 
-def tasks(*arguments: str) -> list[Task]:
-    parser = ArgumentParser()
-    trees.add_options(parser)
-    return trees.tasks(parser.parse_args(list(arguments)))
-
-
-def score_of_leaves(found: Mapping[str, Tree], thresholds: Thresholds, seed: int, episodes: int) -> tree_play.Score:
+def score_of_leaves(found: Mapping[str, Tree], thresholds: Thresholds, seed: int, episodes: int) -> Score:
     """Instead of play: trees of one leaf never score, others the sooner the more leaves they have."""
     leaves = sum(tree.leaf_count for tree in found.values())
     goals = 0 if leaves == 3 else episodes
-    return tree_play.Score(episodes, goals, 0, episodes - goals, 10_000 // leaves + seed % 7, 2, 4)
+    return Score(episodes, goals, 0, episodes - goals, 10_000 // leaves + seed % 7, 2, 4)
 
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few demonstrations, few sizes, no play."""
-    monkeypatch.setattr(tree_methods, "RECIPES", FEW)
+    monkeypatch.setattr(pattern_sets, "RECIPES", FEW_DEMONSTRATIONS)
     monkeypatch.setattr(trees, "score", score_of_leaves)
-    monkeypatch.setattr(tree_play, "score", score_of_leaves)
+    monkeypatch.setattr(team_play, "score", score_of_leaves)
     monkeypatch.setattr(trees, "KNOWN_SEEDS", range(1, 3))
     monkeypatch.setattr(trees, "SPLIT_COSTS", (0.01, 0.1))
     monkeypatch.setattr(trees, "LEAF_COUNTS", (2, 8))
-    monkeypatch.setattr(tree_figures, "TRIALS", (5, 50))
+    monkeypatch.setattr(figures, "TRIALS", (5, 50))
+    monkeypatch.setattr(figures, "DIVERGENCE_TRIALS", 10)
     families = {
         name: {method: make for method, make in family.items() if not re.search(r" (20|200|1000)\b", method)}
-        for name, family in tree_methods.FAMILIES.items()
+        for name, family in methods.FAMILIES.items()
     }
     monkeypatch.setattr(trees, "FAMILIES", families)
 
 
 def test_every_seed_has_a_task_for_every_family_and_no_seed_was_seen_by_tuning() -> None:
-    keys = [task.key for task in tasks("--seeds", "2")]
-    assert len(set(keys)) == len(keys) == 1 + 2 * len(tree_methods.FAMILIES)  # sizes, but not the optimal ones
-    assert all(task.parameters.get("seed", 1001) >= 1000 for task in tasks())
-    assert tree_play.TUNING_SEED < 1000 <= trees.FIRST_SEED
+    keys = [task.key for task in tasks_of(trees, "--seeds", "2")]
+    assert len(set(keys)) == len(keys) == 1 + 2 * len(methods.FAMILIES)  # sizes, but not the optimal ones
+    assert all(task.parameters.get("seed", 1001) >= 1000 for task in tasks_of(trees))
+    assert TUNING_SEED < 1000 <= trees.FIRST_SEED
     assert max(trees.KNOWN_SEEDS) < trees.FIRST_SEED
 
 
-def test_optimal_trees_are_a_part_only_where_pystreed_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_optimal_are_a_part_only_where_pystreed_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BadInput, match="pip install --target"):
-        tasks("--pystreed", str(tmp_path))
+        tasks_of(trees, "--pystreed", str(tmp_path))
     (tmp_path / "pystreed.py").touch()
     monkeypatch.syspath_prepend(str(tmp_path))
-    assert "1001-optimal" in [task.key for task in tasks("--pystreed", str(tmp_path))]
+    assert "1001-optimal" in [task.key for task in tasks_of(trees, "--pystreed", str(tmp_path))]
 
 
 @pytest.mark.parametrize("name", ["seeds", "episodes"])
 def test_a_study_of_nothing_is_refused(name: str) -> None:
     with pytest.raises(BadInput, match=f"--{name} is 0"):
-        tasks(f"--{name}", "0")
+        tasks_of(trees, f"--{name}", "0")
 
 
 @pytest.mark.usefixtures("small")
@@ -108,7 +105,7 @@ def test_the_study_makes_plays_and_draws_trees_twice_the_same(tmp_path: Path) ->
     assert {row["n"] for row in made if row["method"] == "cart"} == {2}
     assert [row["leaves"] for row in made if row["method"] == "one leaf"] == [1, 1, 1]
     equal = {(row["method"], row["behavior"]): row["leaves_high"] for row in made}
-    assert all(equal["cart", behavior] <= equal["weighted dp", behavior] for behavior in FEW)
+    assert all(equal["cart", behavior] <= equal["weighted dp", behavior] for behavior in FEW_DEMONSTRATIONS)
     exact = [row["value_to_dp"] for row in made if row["method"] in ("weighted dp", "printed dp")]
     assert [each for each in exact if each is not None] == pytest.approx([1.0] * 5)  # one can't split so few patterns
     assert {row["episodes"] for row in played if row["method"] == "one leaf"} == {2}
@@ -132,7 +129,7 @@ def test_the_study_makes_plays_and_draws_trees_twice_the_same(tmp_path: Path) ->
 
 def test_play_counts_every_episode_and_repeats() -> None:
     made = {name: load_tree(shipped_trees() / f"{name}.json") for name in trees.RECIPES}
-    found = [tree_play.score(made, tree_play.PRESETS["fixed"], seed, 2) for seed in (1001, 1001, 1002)]
+    found = [team_play.score(made, team_play.PRESETS["fixed"], seed, 2) for seed in (1001, 1001, 1002)]
     assert found[0] == found[1] != found[2]
     assert found[0].episodes == found[0].goals + found[0].own_goals + found[0].timeouts == 2
     assert found[0].steps > 0
@@ -141,14 +138,14 @@ def test_play_counts_every_episode_and_repeats() -> None:
 def test_retuned_thresholds_are_the_cheapest_on_the_tuning_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: set[tuple[int, int]] = set()
 
-    def score(_trees: object, thresholds: Thresholds, seed: int, episodes: int) -> tree_play.Score:
+    def score(_trees: object, thresholds: Thresholds, seed: int, episodes: int) -> Score:
         asked.add((seed, episodes))
         goals = 0 if thresholds.wall_m == 0.06 else 2
-        return tree_play.Score(2, goals, 0, 0, round(1000 * abs(thresholds.approach_rad - 0.3)), 0, 0)
+        return Score(2, goals, 0, 0, round(1000 * abs(thresholds.approach_rad - 0.3)), 0, 0)
 
-    monkeypatch.setattr(tree_play, "score", score)
-    assert tree_play.retuned({}) == (0.07, 0.3)
-    assert asked == {(tree_play.TUNING_SEED, tree_play.TUNING_EPISODES)}
+    monkeypatch.setattr(team_play, "score", score)
+    assert team_play.retuned({}) == (0.07, 0.3)
+    assert asked == {(TUNING_SEED, team_play.TUNING_EPISODES)}
 
 
 def result_of(method: str, scores: Sequence[tuple[int, int]]) -> dict[str, Any]:
@@ -160,8 +157,7 @@ def result_of(method: str, scores: Sequence[tuple[int, int]]) -> dict[str, Any]:
                 method: {
                     "trees": dict.fromkeys(trees.RECIPES, tree),
                     "play": {
-                        name: {**tree_play.Score(10, goals, 10 - goals, 0, steps, 3, 6)._asdict()}
-                        for name in tree_play.SETTINGS
+                        name: {**Score(10, goals, 10 - goals, 0, steps, 3, 6)._asdict()} for name in team_play.SETTINGS
                     },
                 }
             },
@@ -191,7 +187,7 @@ def test_cost_of_a_goal_is_all_steps_over_all_goals_and_is_compared_on_the_same_
 def test_leaves_of_a_partition_get_the_mean_of_their_patterns_and_empty_ones_stay() -> None:
     tree = Tree("x", FEATURES, (Split(0, 0.8, 1, 2), 0, 1), (Leaf(1.0, 2.0, 3), Leaf(4.0, 5.0, 6)))
     patterns = patterns_from_rows(FEATURES, [(0.1, 0.0), (0.2, 1.0)], [class_of_levels(2, 4), class_of_levels(4, -4)])
-    found = tree_methods.with_leaf_means(tree, patterns)
+    found = methods.with_leaf_means(tree, patterns)
     assert found.nodes == tree.nodes
     assert found.leaves == (Leaf(pytest.approx(3 * LEVEL_RAD_S), 0.0, 2), Leaf(4.0, 5.0, 6))
 
@@ -205,6 +201,6 @@ def test_a_tree_of_pystreed_becomes_ours() -> None:
 
     cuts = [(0, 0.4), (0, 0.8), (1, 0.0)]
     patterns = patterns_from_rows(FEATURES, [(0.1, 0.1)], [0])
-    tree = optimal_trees.as_ours(node(1, node(0, leaf(), leaf()), node(2, leaf(), leaf())), "x", patterns, cuts)
+    tree = optimal.as_ours(node(1, node(0, leaf(), leaf()), node(2, leaf(), leaf())), "x", patterns, cuts)
     x = np.array([(0.39, 0.0), (0.4, 0.0), (0.8, -0.1), (0.8, 0.0)])
     assert tree.leaf_ids(x).tolist() == [0, 1, 2, 3]

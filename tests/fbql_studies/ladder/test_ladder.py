@@ -1,0 +1,228 @@
+"""The ladder, and what holds for every study that trains: seeds of their own, tasks that repeat, tables with every method."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from commands import experiment as main
+from fbql_common.core.errors import BadInput
+from fbql_sim.core.parameters import SimulationParameters
+from fbql_sim.core.world_loop import WorldLoop
+from fbql_studies.ablation import study as ablation
+from fbql_studies.common import tuning
+from fbql_studies.common.methods import CONTROLS, LAW, LEARNERS, RETUNED
+from fbql_studies.common.training import (
+    FIRST_RUN_SEED,
+    FIRST_TREE_SEED,
+    MOST_TREE_SETS,
+    SEEDS_OF_A_TREE_SET,
+    train,
+    training_of,
+)
+from fbql_studies.ladder import study as ladder
+from fbql_studies.ladder.weight_maps import weight_maps
+from fbql_studies.paper import study as paper
+from fbql_studies.peers.study import evaluation_seed_of
+from fbql_studies.runner.study import MEASURED, Result
+from fbql_studies.scaling import study as scaling
+from fbql_studies.sensitivity import study as sensitivity
+from studies import make_short, shipped, tasks_of
+
+TRAINING = (ladder, ablation, sensitivity, scaling)
+STUDIES = (*TRAINING, paper)
+VARIED = (ablation, sensitivity)
+SMALL = ("--trees", "1", "--seeds", "1", "--max-steps", "120")
+TINY = (*SMALL, "--episodes", "4", "--evaluate", "2")
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    make_short(monkeypatch)
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_tasks_are_plain_and_their_keys_are_unique_file_names(study: ModuleType) -> None:
+    found = tasks_of(study, "--trees", "3", "--seeds", "9")
+    assert len({task.key for task in found}) == len(found)
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+", task.key) for task in found)
+    assert json.loads(json.dumps([task.parameters for task in found])) == [task.parameters for task in found]
+
+
+@pytest.mark.parametrize("study", TRAINING)
+def test_numbers_out_of_range_are_refused(study: ModuleType) -> None:
+    for option in ("--trees", "--seeds", "--episodes", "--evaluate", "--max-steps"):
+        with pytest.raises(BadInput, match=f"^{option} is 0; it must be 1 to"):
+            tasks_of(study, option, "0")
+
+
+def test_no_study_shares_a_seed_or_a_tree_with_another_and_none_judges_what_it_trained_or_tuned_on() -> None:
+    seeds, trees = set(range(FIRST_RUN_SEED)), set[int]()
+    for study in TRAINING:
+        training = {study.SEEDS.training(k) for k in range(SEEDS_OF_A_TREE_SET)}
+        judging = {study.SEEDS.judging(k, j) for k in range(MOST_TREE_SETS) for j in range(SEEDS_OF_A_TREE_SET)}
+        sets = {study.SEEDS.tree(k) for k in range(MOST_TREE_SETS)}
+        assert len(judging) == MOST_TREE_SETS * SEEDS_OF_A_TREE_SET
+        for used in (training, judging):
+            assert not used & seeds
+            seeds |= used
+        assert not sets & trees
+        trees |= sets
+    assert tuning.TUNING_SEED < FIRST_RUN_SEED
+
+
+def test_the_ladder_judges_on_the_episodes_of_the_peers() -> None:
+    assert ladder.SEEDS.judging(2, 3) == evaluation_seed_of(2, 3)
+
+
+def test_the_papers_tree_sets_end_before_those_of_other_studies() -> None:
+    assert (
+        min(study.SEEDS.first_tree for study in (sensitivity, ablation, scaling))
+        >= FIRST_TREE_SEED + paper.MOST_TREE_SETS
+    )
+
+
+@pytest.mark.usefixtures("short")
+@pytest.mark.parametrize("study", [ladder, *VARIED])
+def test_a_task_gives_the_same_result_again_and_the_table_has_every_method(study: ModuleType, tmp_path: Path) -> None:
+    found = [task for task in tasks_of(study, *TINY) if task.parameters["part"] in (*ladder.TRAINED, "controls")]
+    results: dict[str, Result] = {}
+    for task in found:
+        result = study.run(task.parameters)
+        assert json.loads(json.dumps(result, allow_nan=False)) == result
+        results[task.key] = result
+    again = study.run(found[0].parameters)
+    assert {**again, MEASURED: 0} == {**results[found[0].key], MEASURED: 0}
+    rows = study.table(results)
+    json.dumps(rows, allow_nan=False)
+    told = [row["method"] for row in rows if "method" in row]
+    expected = ladder.METHODS if study is ladder else (*CONTROLS, "fbql, never learned", "fbql")
+    assert [method for method in told if method in expected] == list(expected)
+    assert len({tuple(row) for row in rows if "method" in row}) == 1, "methods have other columns than others"
+    assert {row["episodes"] for row in rows if "method" in row} == {2}
+    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
+    for file in study.figures(results, tmp_path):
+        assert file.stat().st_size < 100_000
+        assert file.suffix == ".json" or file.read_text().startswith("<?xml")
+
+
+@pytest.mark.usefixtures("short")
+def test_the_sensed_critic_alone_plays_the_twins_too() -> None:
+    alone = tasks_of(ladder, *SMALL, "--learners", "fbql_sensed")
+    assert alone[0].parameters["twins"]
+    assert not any("twins" in task.parameters for task in tasks_of(ladder, *SMALL))
+    result = ladder.run({**alone[0].parameters, "episodes": 3, "evaluate": 1})
+    twins = ["fbql, never learned", "fbql, never learned, drawn", "fbql, only guided"]
+    assert [run["method"] for run in result["runs"]] == [*twins, ladder.SENSED]
+
+
+def row(method: str, tree_seed: int, seed: int, steps: int, **figures: int) -> dict[str, Any]:
+    counted = {"goals": 100, "own_goals": 0, "timeouts": 0, "episodes": 100, "collisions_begun": 100}
+    counted |= {"collision_steps": 500, "steps_to_goals": steps, **figures}
+    return {"method": method, "tree_seed": tree_seed, "seed": seed, "steps": steps, **counted}
+
+
+def ladder_of(learned: dict[int, int], learner: str = "fbql", **figures: int) -> dict[str, Result]:
+    """Results of a ladder with two seeds on each tree set: re-tuned costs 1000, the law 300, a learner what is given."""
+    results: dict[str, Result] = {}
+    for tree, cost in learned.items():
+        controls = [
+            row(method, tree, seed, 100 * each) for method, each in ((LAW, 300), (RETUNED, 1000)) for seed in range(2)
+        ]
+        results[f"controls{tree}"] = {"runs": controls, "thresholds": [0.07, 0.1], "leaves": [100, 10, 30]}
+        runs = [row(learner, tree, seed, 100 * cost, **figures) for seed in range(2)]
+        results[f"{learner}{tree}"] = {"runs": runs}
+    return results
+
+
+def rungs(results: dict[str, Result]) -> dict[str, tuple[float, bool]]:
+    return {each["measure"]: (each["found"], each["reached"]) for each in ladder.table(results) if "rung" in each}
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_rungs_b_and_c_are_reached_where_every_measure_is(learner: str) -> None:
+    found = rungs(ladder_of({1001: 500, 1002: 700}, learner))
+    assert found["cost/goal to re-tuned"] == (pytest.approx(0.6), True)
+    assert found["cost/goal to re-tuned, worst tree set"] == (pytest.approx(0.7), True)
+    assert found["steps of a success to the scripted law's"] == (pytest.approx(2.0), True)
+    assert all(reached for _, reached in found.values())
+
+
+@pytest.mark.parametrize(
+    ("costs", "figures", "missed"),
+    [
+        ({1001: 700, 1002: 700}, {}, {"cost/goal to re-tuned", "steps of a success to the scripted law's"}),
+        ({1001: 100, 1002: 1010}, {}, {"cost/goal to re-tuned, worst tree set"}),
+        ({1001: 500}, {"own_goals": 1}, {"own goals / episodes"}),
+        ({1001: 500}, {"collisions_begun": 101}, {"collisions begun / goals, at most re-tuned's"}),
+        ({1001: 500}, {"collision_steps": 501}, {"collision steps / goals, at most re-tuned's"}),
+        ({1001: 500}, {"episodes": 103}, {"success rate"}),
+    ],
+)
+def test_a_rung_is_missed_where_one_measure_is(
+    costs: dict[int, int], figures: dict[str, int], missed: set[str]
+) -> None:
+    found = rungs(ladder_of(costs, **figures))
+    assert {measure for measure, (_, reached) in found.items() if not reached} == missed
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_weight_maps_hold_the_weights_of_every_place_and_of_nothing_learned_equal_ones(
+    learner: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fbql_studies.ladder.weight_maps.SPACING_M", 0.3)
+    fusion = training_of(5, 6, learner, guided=8)
+    trained = train(fusion, shipped(), WorldLoop(SimulationParameters(max_steps=1000)))
+    maps = weight_maps(fusion, trained.policy, shipped())
+    weights = np.array(maps["weights"])
+    assert weights.shape == (len(maps["headings_rad"]), len(maps["y_m"]), len(maps["x_m"]), 3)
+    assert np.abs(weights.sum(axis=3) - 100).max() <= 2
+    assert weights.std() > 1.0
+    session_policy = trained.policy._replace(
+        arrays={name: 0 * x if name in ("theta", "values") else x for name, x in trained.policy.arrays.items()}
+    )
+    assert (np.array(weight_maps(fusion, session_policy, shipped())["weights"]) == 33).all()
+
+
+def test_one_worker_and_two_give_the_same_results_and_a_run_goes_on_where_one_was_stopped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
+    arguments = ["ladder", *TINY, "--max-steps", "5", "--learners", "fbql", "--json", "--out"]
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        for name, jobs in (("one", "1"), ("two", "2")):
+            assert main([*arguments, str(tmp_path / name), "--jobs", jobs]) == 0
+        one, two = (kept(tmp_path / name) for name in ("one", "two"))
+        assert len(one) == 2
+        assert one == two
+        (tmp_path / "two" / "tasks" / "fbql-trees1001-seed0.json").unlink()
+        controls = (tmp_path / "two" / "tasks" / "controls-trees1001-seeds1.json").stat().st_mtime_ns
+        assert main([*arguments, str(tmp_path / "two"), "--jobs", "2"]) == 0
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert kept(tmp_path / "two") == one
+    assert (tmp_path / "two" / "tasks" / "controls-trees1001-seeds1.json").stat().st_mtime_ns == controls
+    told = capsys.readouterr()
+    assert "1 of 2 tasks are done already" in told.err
+    tables = [json.loads(line)["table"] for line in told.out.splitlines()]
+    for table in tables:
+        sizes = [row for row in table if "trainings" in row]
+        assert [row["learner"] for row in sizes] == ["fbql"]
+        assert all(row.pop("training_s") > 0.0 for row in sizes)
+    assert tables[0] == tables[1] == tables[2]
+
+
+def kept(directory: Path) -> dict[str, Any]:
+    """The results of a study's tasks, but for what was measured."""
+    found = {path.name: json.loads(path.read_text()) for path in (directory / "tasks").glob("*.json")}
+    for result in found.values():
+        result.pop(MEASURED, None)
+    return found
