@@ -18,7 +18,7 @@ from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.session import Session
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import load_policy
-from fbql_fusion.run_recorder import Run
+from fbql_fusion.run_recorder import RunRecorder
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from places import ROOT
@@ -81,7 +81,7 @@ def record_match(
         tree_files=[str(path) for path in files.values()],
         config_file=str(launcher_file),
     )
-    run = Run(settings, session, lambda topic: f"/{topic}", pytest.fail)
+    run = RunRecorder(settings, session, lambda topic: f"/{topic}", pytest.fail)
     lost = dict(restart_at or {})
     while (begun := session.next_episode()) is not None:
         world = loop.reset(*begun)
