@@ -8,4 +8,5 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, 
 from environment import enter
 
 if __name__ == "__main__":
-    enter("replay")
+    # matplotlib, which only the figure needs, is among what studies need.
+    enter("replay", purpose="study" if any(word.startswith("--fig") for word in sys.argv[1:]) else "run")

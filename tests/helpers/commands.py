@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Sequence
-from functools import partial
 
 from fbql.cli.app import run
+from fbql.cli.interrupts import NUMBERS
 
 Main = Callable[[Sequence[str]], int]
 
 
 def _command(name: str) -> Main:
-    return partial(run, name, program=f"{name}.py")
+    def main(words: Sequence[str]) -> int:
+        before = {number: signal.getsignal(number) for number in NUMBERS}
+        try:
+            return run(name, words, f"{name}.py")
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    return main
 
 
 compare = _command("compare")
@@ -22,5 +31,6 @@ make_trees = _command("make_trees")
 recover = _command("recover")
 replay = _command("replay")
 report = _command("report")
+train = _command("train")
 tree = _command("tree")
 tune = _command("tune")

@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
 from bringup_run import Run, Terminal
-from fbql.cli import panel
-from fbql.cli.panel import Panel, status_line
+from fbql.cli import output
+from fbql.cli.output import LiveLine
 from fbql.match.options import match_from, match_parser, policy_told
-from fbql.match.result import next_steps, summary_text
+from fbql.match.result import next_steps, status_line, summary_text
 from run_directory_reader import summary_of
 
 Start = Callable[..., Run]
@@ -62,12 +63,12 @@ def test_a_terminal_has_one_live_line_that_never_wraps_and_stdout_only_the_resul
 
 def test_elsewhere_a_line_now_and_then_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0]
-    monkeypatch.setattr(panel, "monotonic", lambda: now[0])
+    monkeypatch.setattr(output, "monotonic", lambda: now[0])
     stream = StringIO()
-    shown = Panel(stream)
+    shown = LiveLine(stream, log_every_s=10.0)
     for _ in range(4 * 35):
         now[0] += 0.25
-        shown.show(STATUS)
+        shown.show(partial(status_line, STATUS))
     assert stream.getvalue() == f"{status_line(STATUS)}\n" * 3
 
 
@@ -99,17 +100,17 @@ def test_a_result_is_told_in_lines_that_fit_a_terminal(tmp_path: Path) -> None:
     text = summary_text(SUMMARY, Path("/run"), 1 / 60)
     assert "subsumption, seed 7: 3 goals in 4 episodes, success rate 75 %" in text
     assert "660  steps on average, 11.0 s of play" in text
-    assert "2000  steps of all episodes, for each goal" in text
+    assert "2000  steps of all episodes, per goal" in text
     assert "6000  steps in 4.0 s: 1500 steps/s, 25 times real time" in text
     assert "36024  messages in /run" in text
     assert max(map(len, text.splitlines())) < 80
-    assert "NOT WHOLE" in summary_text({**SUMMARY, "incomplete": True}, Path("/run"), 1 / 60)
+    assert "INCOMPLETE" in summary_text({**SUMMARY, "incomplete": True}, Path("/run"), 1 / 60)
 
 
 def test_guided_episodes_are_told_apart_from_what_they_count_in(tmp_path: Path) -> None:
     (tmp_path / "episodes.csv").write_text("index,phase\n0,guided\n1,guided\n2,learning\n")
     text = summary_text(SUMMARY, tmp_path, 1 / 60).splitlines()
-    (at,) = [i for i, line in enumerate(text) if line.startswith("  guided              2  episodes first, which only")]
+    (at,) = [i for i, line in enumerate(text) if line.startswith("  guided              2  episodes first; only")]
     assert text[at + 1].startswith("  played") and text[at + 2].startswith("  digest")
     assert max(map(len, text[at : at + 2])) < 80
 
@@ -117,7 +118,7 @@ def test_guided_episodes_are_told_apart_from_what_they_count_in(tmp_path: Path) 
 def test_a_result_names_the_policy_that_it_began_from(tmp_path: Path) -> None:
     def told(*words: str) -> str:
         options = match_parser("bringup.py", "").parse_args([*words, "--out", "/run"])
-        return summary_text(SUMMARY, Path("/run"), 1 / 60, policy_told(match_from(options, "bringup.py")))
+        return summary_text(SUMMARY, Path("/run"), 1 / 60, policy_told(match_from(options)))
 
     assert "  policy        shipped  which it began from; --policy none: from nothing\n" in told()
     assert "  policy           none  it began from nothing\n" in told("--policy", "none")
@@ -146,7 +147,7 @@ def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None
     assert f"scripts/recover.py {tmp_path}" in next_steps({**SUMMARY, "incomplete": True}, tmp_path)
     assert "recover.py" not in next_steps(SUMMARY, tmp_path)
     own = next_steps(SUMMARY, tmp_path, " --trees mine")
-    assert "bringup.py --trees mine --policy none\n      the same behaviors, and fbql that learns to fuse them" in own
+    assert "bringup.py --trees mine --policy none\n      the same behaviors, and fbql learns to fuse them" in own
     assert "bringup.py --trees mine --controller subsumption --realtime 1" in own
     spaced = tmp_path / "a run"
     spaced.mkdir()
@@ -156,7 +157,7 @@ def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None
     (tmp_path / "policy.npz").touch()
     again = next_steps(SUMMARY, tmp_path, " --trees mine")
     assert f"python3 scripts/bringup.py --trees mine --controller {SUMMARY['controller']} --policy" in again
-    assert "go on with what was learned" in again
+    assert "continue from what was learned" in again
     frozen = next_steps(SUMMARY, tmp_path, "", learn=False)
     assert "learn on from the policy that was played" in frozen
     assert f"--policy {tmp_path}/policy.npz --no-learn --realtime 1" in frozen

@@ -108,7 +108,7 @@ def test_without_scikit_learn_cart_is_refused_before_anything_is_done(
     ("words", "reason"),
     [
         (("dancing",), "unknown behavior 'dancing'"),
-        (("ball_seeking", "--leaves", "9"), "--leaves is for --method cart"),
+        (("ball_seeking", "--leaves", "9"), "leaves is for method cart"),
         (("ball_seeking", "--method", "dp", "--curve", "x"), "--curve is for --method rl"),
         (("ball_seeking", "--method", "magic"), "invalid choice: 'magic'"),
         (("ball_seeking", "--demos", "missing"), "missing: "),
@@ -202,12 +202,12 @@ def test_an_interrupt_ends_the_trials_in_one_line_and_leaves_what_was_there(tmp_
     command = [sys.executable, "-c", f"from fbql.cli.app import run; raise SystemExit(run('induce', {words}))"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
-        assert any("WARNING" in line for line in process.stderr)
+        assert any("warning: " in line for line in process.stderr)
         process.send_signal(signal.SIGINT)
         rest = process.communicate(timeout=20.0)[1]
     assert process.returncode == 130
-    assert [line for line in rest.splitlines() if "WARNING" not in line] == [
-        "induce.py: interrupted; no tree was written"
+    assert [line for line in rest.splitlines() if "warning: " not in line] == [
+        "fbql induce: interrupted; nothing was written"
     ]
     assert [each.name for each in tmp_path.iterdir()] == ["tree.json"]
     assert path.read_text() == "older"
@@ -234,7 +234,7 @@ def test_a_tree_that_is_replaced_is_said(capsys: pytest.CaptureFixture[str], tmp
     assert induce(words) == 0
     assert "replaced" not in capsys.readouterr().err
     assert induce(words) == 0
-    assert f"{tmp_path}/tree.json: the tree that was there is replaced\n" in capsys.readouterr().err
+    assert f"{tmp_path}/tree.json: replaced the existing tree\n" in capsys.readouterr().err
 
 
 def test_a_tree_of_one_leaf_is_said_and_what_to_do(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -242,4 +242,4 @@ def test_a_tree_of_one_leaf_is_said_and_what_to_do(capsys: pytest.CaptureFixture
     assert induce(words) == 0
     out, err = capsys.readouterr()
     assert out.startswith("1 leaf from 200 patterns")
-    assert "induce.py: WARNING: the tree is a single leaf" in err and "record more demonstrations" in err
+    assert "induce.py: warning: the tree is a single leaf" in err and "record more demonstrations" in err

@@ -8,7 +8,6 @@ import os
 import re
 import shutil
 import signal
-from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,12 +16,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from commands import report as main
-from fbql.cli.interrupts import NUMBERS
 from fbql.report.contents import UNIT, Contents, block_columns
-from fbql.report.meanings import CONTROLLERS as EXPLAINED
-from fbql.report.meanings import FEATURES
-from fbql.report.sections import tiles
-from fbql.report.texts import json_for_html, value_text
+from fbql.report.page import tiles
+from fbql.report.texts import CONTROLLERS as EXPLAINED
+from fbql.report.texts import FEATURES, json_for_html, value_text
 from fbql_behaviors.core.explanation import rules
 from fbql_behaviors.storage import load_tree
 from fbql_fusion.core.parameters import CONTROLLERS
@@ -33,15 +30,6 @@ from recorded_match import TREES, record_match
 
 LEARNING = {"controller": "fbql_literal", "guided": 1, "tie_rule": "first"}
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
-
-
-@pytest.fixture(autouse=True)
-def signal_handlers() -> Iterator[None]:
-    """The command's own end with the test."""
-    before = {number: signal.getsignal(number) for number in NUMBERS}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,10 @@ from pathlib import Path
 import pytest
 from commands import demonstrate
 from fbql.demonstrations.instruct import instruct, simulation_of, starts
-from fbql.demonstrations.merge import merge, recordings_of
-from fbql.demonstrations.origins import ORIGINS_KEY, Origin, about_origins, origins_of
+from fbql.demonstrations.origins import ORIGINS_KEY, Origin, about_origins, merge, origins_of, recordings_of
 from fbql.demonstrations.recording import PAUSE_NS, in_sequence, save_demonstrations
 from fbql.demonstrations.replay import verify
-from fbql.keyboard.safekeeping import UNFINISHED, Safekeeping
-from fbql.keyboard.sitting import Kept
+from fbql.keyboard.sitting import UNFINISHED, Kept, Safekeeping
 from fbql_behaviors.core.patterns import Demonstration
 from fbql_behaviors.demonstration_storage import load_demonstrations, load_recordings
 from fbql_common.core.errors import BadInput
@@ -263,6 +261,6 @@ def test_where_the_recording_fails_the_copies_stay(
 ) -> None:
     keeping = safekeeping(tmp_path / "sitting")
     keeping.keep(kept[0])
-    monkeypatch.setattr("fbql.keyboard.safekeeping.write_demonstrations", lambda *_: False)
+    monkeypatch.setattr("fbql.keyboard.sitting.write_demonstrations", lambda *_: False)
     assert not keeping.finish(kept[:1])
     assert len(load_demonstrations(tmp_path / "sitting" / UNFINISHED, BEHAVIOR)) == 1

@@ -30,7 +30,7 @@ def test_a_node_that_is_killed_ends_the_run_and_is_named(start: Start, name: str
     os.kill(run.nodes()[name], signal.SIGKILL)
     assert run.exit_code(END_S) == 1
     assert run.processes() == {}
-    assert f"node '{name}' was ended by SIGKILL; its output ({run.out}/log/{name}.log):\n" in run.stderr
+    assert f"bringup.py: node '{name}' was ended by SIGKILL; its output ({run.out}/log/{name}.log):\n" in run.stderr
     assert f"[{name}]: " in run.stderr
     summary = summary_of(run.out)
     assert finalised(run.out) == summary["messages_recorded"] >= 6 * summary["steps"] > 0
@@ -131,7 +131,7 @@ def test_a_domain_that_cannot_be_is_refused(start: Start, value: str) -> None:
 def test_security_that_cannot_be_had_is_refused(start: Start) -> None:
     run = start("--episodes", "1", environment={"ROS_SECURITY_ENABLE": "true"})
     assert run.exit_code() == 2
-    assert run.stderr.startswith("ROS_SECURITY_ENABLE is true, but")
+    assert run.stderr.startswith("bringup.py: ROS_SECURITY_ENABLE is true, but")
     assert run.stderr.count("\n") == 1
     assert not run.out.exists()
 

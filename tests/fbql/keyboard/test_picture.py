@@ -5,12 +5,12 @@ from __future__ import annotations
 from math import cos, pi, sin
 
 import pytest
-from fbql.keyboard.driving import Driving
 from fbql.keyboard.page import LEAST_COLUMNS, LEAST_ROWS, driving_side, page, replay_side, senses
 from fbql.keyboard.picture import field_picture
 from fbql.keyboard.sitting import Sitting
+from fbql.keyboard.steering import Steering
 from fbql.terminal.keys import Key
-from fbql.terminal.lines import Line, text_of
+from fbql.terminal.screen import Line, text_of
 from fbql_behaviors.core.observation import OBSERVATIONS, observation_of
 from fbql_common.core.types import WheelCommand, World
 from fbql_sim.core.arena import HALF_LENGTH, HALF_WIDTH, closest_wall_point
@@ -114,7 +114,7 @@ def test_what_is_sensed_is_shown_with_its_unit() -> None:
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (LEAST_COLUMNS, LEAST_ROWS)])
 @pytest.mark.parametrize("ascii_only", [False, True])
 def test_the_whole_page_fits_and_shows_state_and_keys(behavior: str, size: tuple[int, int], ascii_only: bool) -> None:
-    sitting, driving = Sitting(iter(range(9)), 6, 1000), Driving()
+    sitting, driving = Sitting(iter(range(9)), 6, 1000), Steering()
     driving.press(Key.LEFT, 0.0)
     observation, world = observation_of(behavior), world_with()
     side = driving_side(behavior, observation, sitting, driving, world, 0.0, 1 / 60, ascii_only)
@@ -135,7 +135,7 @@ def test_a_page_of_a_replay_shows_the_command() -> None:
 
     side = replay_side("ball_seeking", observation_of("ball_seeking"), 2, 5, world, WheelCommand(1, 0, 0, 12.57, -6.29))
     text = "\n".join(plain(page(world, side, "", 80, 24, False)))
-    assert [word for word in ("demonstration 2 of 5", "+12.6 rad/s", "-6.3 rad/s", "enough") if word not in text] == []
+    assert [word for word in ("demonstration 2 of 5", "+12.6 rad/s", "-6.3 rad/s", "quit") if word not in text] == []
 
 
 def test_a_terminal_that_is_too_small_is_told_so() -> None:
@@ -145,7 +145,7 @@ def test_a_terminal_that_is_too_small_is_told_so() -> None:
 
 def test_before_the_first_world_there_is_a_page_too() -> None:
     sitting = Sitting(iter(range(9)), 6, 1000)
-    side = driving_side("ball_seeking", observation_of("ball_seeking"), sitting, Driving(), None, 0.0, 1 / 60, False)
+    side = driving_side("ball_seeking", observation_of("ball_seeking"), sitting, Steering(), None, 0.0, 1 / 60, False)
     assert "begins with" not in "\n".join(plain(page(None, side, "", 80, 24, False)))
 
 

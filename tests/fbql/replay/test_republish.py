@@ -20,7 +20,7 @@ import pytest
 from commands import replay as main
 from fbql.cli.interrupts import NUMBERS
 from fbql.replay.republish import Outlet
-from fbql.replay.views import ReplayViews
+from fbql.replay.topics import ReplayViews
 from fbql_recording import open_run
 from fbql_recording.bag_metadata import Qos
 from fbql_sim.views import markers_msg, pose_msgs

@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 import math
 import shutil
-import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 from commands import replay as main
-from fbql.cli.interrupts import NUMBERS
 from fbql_common.wire import (
     decode_command,
     decode_decision,
@@ -37,15 +35,6 @@ LEARNING = {"controller": "fbql_literal", "guided": 1, "tie_rule": "random"}
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three episodes, one of them guided. Not to be changed."""
     return record_match(tmp_path_factory.mktemp("recorded") / "run", max_steps=200, **LEARNING)
-
-
-@pytest.fixture(autouse=True)
-def signal_handlers() -> Iterator[None]:
-    """The command's own end with the test."""
-    before = {number: signal.getsignal(number) for number in NUMBERS}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 def verify(run: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, dict[str, Any]]:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
-import signal
-from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 from commands import report as main
-from fbql.cli.interrupts import NUMBERS
 from fbql_recording import Episode, open_run
 from recorded_match import record_match
 
@@ -24,15 +21,6 @@ FIGURES = {
     f"success_{name}.{ending}" for name in ("steps", "collisions", "failures", "rate") for ending in ("pdf", "svg")
 }
 TABLES = {"successes.csv", "episodes.csv", "episodes.parquet", "steps.csv", "steps.parquet"}
-
-
-@pytest.fixture(autouse=True)
-def signal_handlers() -> Iterator[None]:
-    """The command's own end with the test."""
-    before = {number: signal.getsignal(number) for number in NUMBERS}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="module")

@@ -2,11 +2,11 @@
 
 A command is a module with two functions:
 
-    parser(program: str) -> Parser                          its command line
-    run(arguments: Namespace, interrupts: Interrupts) -> int    does it; gives the exit code
+    parser(program: str) -> Parser                              its command line
+    run(arguments: Namespace, interrupts: Interrupts) -> int    does the work, returns the exit code
 
 It raises `BadInput` for input that it refuses, `Interrupted` where a signal ended it before there was a result, and
-`Unwritable` for an output file that can't be written. A package of its own adds a command by an entry point of the group
+`Unwritable` for an output file that can't be written. Another package adds a command by an entry point of the group
 `fbql.commands` that names such a module.
 """
 
@@ -24,7 +24,7 @@ from fbql_common.core.errors import BadInput
 from fbql.cli.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from fbql.cli.interrupts import Interrupted, Interrupts
 from fbql.cli.missing import what_is_missing
-from fbql.cli.unwritable import Unwritable
+from fbql.cli.output import Unwritable, complain, print_result, set_program
 
 GROUP = "fbql.commands"
 
@@ -33,20 +33,20 @@ class Command(NamedTuple):
     """A command that ships."""
 
     summary: str
-    notes_signals: bool = True
-    """Whether it ends in its own time on a signal, with what it has; otherwise Ctrl-C ends it at once."""
+    handles_signals: bool = True
+    """Whether it finishes cleanly on a signal, with what it has; otherwise Ctrl-C ends it at once."""
 
 
 COMMANDS = {
     "bringup": Command("start the node graph, play, record and print the result"),
     "train": Command("play the same match without ROS, in one process"),
     "demonstrate": Command(
-        "record demonstrations of a behavior, by its instructor or by keyboard", notes_signals=False
+        "record demonstrations of a behavior, by its instructor or by keyboard", handles_signals=False
     ),
-    "induce": Command("make a decision tree from demonstrations", notes_signals=False),
-    "tree": Command("explain, export, check or import a tree file", notes_signals=False),
-    "tune": Command("tune the leaves of a tree by Q-learning", notes_signals=False),
-    "make_trees": Command("make the shipped trees again, from their seeds", notes_signals=False),
+    "induce": Command("make a decision tree from demonstrations", handles_signals=False),
+    "tree": Command("explain, export, check or import a tree file", handles_signals=False),
+    "tune": Command("tune the leaves of a tree by Q-learning", handles_signals=False),
+    "make_trees": Command("make the shipped trees again, from their seeds", handles_signals=False),
     "replay": Command("play a recording again, verify it, or ask what if"),
     "recover": Command("repair a damaged recording"),
     "report": Command("write a page that explains a recording step by step"),
@@ -55,49 +55,58 @@ COMMANDS = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """`fbql COMMAND ...`. Gives the exit code."""
+    """`fbql COMMAND ...`. Returns the exit code."""
     words = sys.argv[1:] if argv is None else list(argv)
-    if not words or words[0] in ("-h", "--help"):
-        print(_usage(), file=sys.stdout if words else sys.stderr)
-        return DONE if words else BAD_INPUT
+    if not words:
+        complain(f"name a COMMAND, one of: {', '.join(names())} (see --help)")
+        return BAD_INPUT
+    if words[0] in ("-h", "--help"):
+        print_result(_usage())
+        return DONE
     if words[0] == "--version":
-        print(version("fbql"))
+        print_result(version("fbql"))
         return DONE
     return run(words[0], words[1:])
 
 
 def executable() -> int:
-    """The command that this program is named after: `ros2 run fbql NAME`."""
+    """Runs the command that this program is named after: `ros2 run fbql NAME`."""
     name = Path(sys.argv[0]).name
     return run(name, sys.argv[1:], name)
 
 
 def run(name: str, argv: Sequence[str], program: str = "") -> int:
-    """Runs a command. Gives the exit code.
+    """Runs a command. Returns the exit code.
 
     Args:
         program: what it calls itself; "fbql NAME" unless given.
     """
     program = program or f"fbql {name}"
+    set_program(program)
     interrupts = Interrupts()
-    if name not in COMMANDS or COMMANDS[name].notes_signals:
+    if name not in COMMANDS or COMMANDS[name].handles_signals:
         interrupts.install()  # before all else: importing takes a second, in which a signal would end in a traceback
     try:
         command = _find(name)
         return command.run(command.parser(program).parse_args(list(argv)), interrupts)
     except BadInput as error:
-        return _report(program, error, BAD_INPUT)
+        complain(error)
+        return BAD_INPUT
     except Unwritable as error:
-        return _report(program, error, error.exit_code)
+        complain(error)
+        return error.exit_code
     except Interrupted as error:
-        return _report(program, error, FAILED)
+        complain(error)
+        return FAILED
     except KeyboardInterrupt:
-        return _report(program, "interrupted; nothing was written", INTERRUPTED)
+        complain("interrupted; nothing was written")
+        return INTERRUPTED
     except ModuleNotFoundError as error:
         missing = what_is_missing(error.name or "")
         if missing is None:
             raise
-        return _report(program, missing, BAD_INPUT)
+        complain(missing)
+        return BAD_INPUT
 
 
 def names() -> list[str]:
@@ -106,17 +115,12 @@ def names() -> list[str]:
 
 
 def _find(name: str) -> Any:
-    """The module of a command. Raises BadInput where there is none."""
+    """The module of a command. Raises BadInput for an unknown one."""
     if name in COMMANDS:
         return import_module(f"fbql.commands.{name}")
     for each in entry_points(group=GROUP, name=name):
         return each.load()
     raise BadInput(f"there is no command '{name}'; choose one of: {', '.join(names())}")
-
-
-def _report(program: str, what: object, code: int) -> int:
-    print(f"{program}: {what}", file=sys.stderr)
-    return code
 
 
 def _usage() -> str:

@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP to a command: noted, and acted on by its loop. The second one changes nothing."""
+"""SIGINT, SIGTERM and SIGHUP to a command: remembered, and acted on by its loop. A second one changes nothing."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ class Interrupted(Exception):
 
 
 class Interrupts:
-    """Notes, once installed, the first signal that asks for the end; `came` is its number, 0 before."""
+    """Remembers, once installed, the first signal that asks the command to end; `came` is its number, 0 before."""
 
     def __init__(self) -> None:
         self.came = 0
 
     def install(self) -> None:
-        """Notes signals from now on, instead of what they do by themselves."""
+        """Remembers signals from now on, instead of letting them end the process."""
         for number in NUMBERS:
             signal.signal(number, self._note)
 

@@ -1,4 +1,4 @@
-"""The option --observation of the commands: behaviors that no package knows."""
+"""The option --observation of the commands: behaviors that no package of the project has."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ def add_observation_option(parser: argparse._ActionsContainer) -> None:
         action="append",
         default=[],
         metavar="FILE.py:NAME",
-        help="what a behavior of your own senses: an Observation in a Python file; NAME is the behavior's name",
+        help="what a behavior of your own senses: the Observation of this name in a Python file; NAME is the behavior's name",
     )
 
 
 def know_observations(sources: Sequence[str], behaviors: Sequence[str] = ()) -> dict[str, str]:
-    """Makes the observations of these files known, and those that behaviors have from installed packages.
+    """Registers the observations of these files, and those of these behaviors that installed packages bring.
 
-    Gives the file (FILE.py:NAME, absolute) of each behavior that came from one. Raises BadInput.
+    Returns the file (FILE.py:NAME, absolute) of each behavior that came from one. Raises BadInput.
     """
     found: dict[str, str] = {}
     for source in sources:

@@ -1,11 +1,16 @@
-"""The argument parser of every command."""
+"""The argument parser of every command, and the options that several of them share."""
 
 from __future__ import annotations
 
 import argparse
-from typing import NoReturn
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from fbql_common.core.parameters import limits_of, types_of
 
 from fbql.cli.exit_codes import BAD_INPUT
+
+RUN_HELP = "run directory, ROS 2 bag (MCAP), or .mcap file"
 
 
 class Parser(argparse.ArgumentParser):
@@ -21,3 +26,43 @@ class Help(argparse.ArgumentDefaultsHelpFormatter):
     def _get_help_string(self, action: argparse.Action) -> str | None:
         default = action.default
         return action.help if default is None or default is False or default == [] else super()._get_help_string(action)
+
+
+def add_json_option(parser: argparse._ActionsContainer) -> None:
+    """Adds --json."""
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+
+
+def add_recording_options(parser: argparse._ActionsContainer) -> None:
+    """Adds --allow-incomplete and --skip-corrupt, for recordings that were cut off or damaged."""
+    parser.add_argument(
+        "--allow-incomplete", action="store_true", help="exit with 0, not 3, where a recording is incomplete"
+    )
+    parser.add_argument("--skip-corrupt", action="store_true", help="skip damaged chunks instead of stopping there")
+
+
+def add_parameter_options(
+    parser: Parser,
+    declaration: type[Any],
+    title: str,
+    description: str,
+    extra: dict[str, tuple[str, str]] | None = None,
+) -> None:
+    """Adds an option for each parameter of a declaration (see `fbql_common.core.parameters`); without one it is None.
+
+    Args:
+        extra: by parameter, one more choice and what is added to the help.
+    """
+    group = parser.add_argument_group(title, description)
+    kinds = types_of(declaration)
+    for name, limits in limits_of(declaration).items():
+        unit = f" [{limits.unit}]" if limits.unit else ""
+        choice, more = (extra or {}).get(name, ("", ""))
+        choices: Sequence[str] | None = (*limits.choices, *([choice] if choice else [])) if limits.choices else None
+        group.add_argument(
+            f"--{name.replace('_', '-')}",
+            type=kinds[name],
+            choices=choices,
+            metavar=None if choices else "N",
+            help=limits.description.replace("%", "%%") + unit + more,
+        )

@@ -1,4 +1,4 @@
-"""Where a command finds the checkout, and where what it makes goes when nobody says where."""
+"""Where a command finds the checkout, and where its output goes without --out."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 
 CHECKOUT = "FBQL_CHECKOUT"
-"""The variable in which `scripts/NAME.py` passes on the checkout that it belongs to."""
+"""The environment variable in which `scripts/NAME.py` names the checkout that it belongs to."""
 ROOT = Path(os.environ.get(CHECKOUT) or Path.cwd())
 """The checkout; for an installed command the working directory."""
 RUNS = ROOT / "runs"

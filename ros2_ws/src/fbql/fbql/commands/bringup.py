@@ -1,7 +1,7 @@
-"""Brings up the graph, watches over it and reports the result: the main job of the project.
+"""Brings up the graph, supervises it and prints the result: the main job of the project.
 
-Exit codes: 0 the match was played, or ended by a signal that asked for it; 1 it failed, or a signal came so early that
-there is no result; 2 bad input, nothing was started and nothing is left behind; 3 the recording is incomplete.
+Exit codes: 0 the match was played, or a signal ended it; 1 it failed, or a signal came before there was a result; 2 bad
+input: nothing was started and nothing is left behind; 3 the recording is incomplete.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from fbql_common.spin import refuse_security
 
 from fbql.cli.exit_codes import FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupted, Interrupts
-from fbql.cli.panel import Panel, print_result
+from fbql.cli.output import LiveLine, print_result
 from fbql.cli.parser import Parser
 from fbql.cli.places import typed
 from fbql.graph.domains import domain_from
-from fbql.graph.graph import Mode
+from fbql.graph.launch import Mode
 from fbql.graph.supervision import BEFORE_THE_MATCH, Supervision
 from fbql.match.in_process import rehearse
 from fbql.match.options import Match, make_run_directory, match_from, match_parser, policy_told, same_options
@@ -28,7 +28,8 @@ from fbql.match.result import next_steps, summary_text
 
 START_TIMEOUT_S = 30.0
 FOXGLOVE_PORT = 8765
-"""The one that Foxglove looks at unless told otherwise."""
+"""Foxglove's default."""
+LOG_EVERY_S = 10.0
 
 
 def parser(program: str) -> Parser:
@@ -38,14 +39,14 @@ def parser(program: str) -> Parser:
     )
     how = result.add_argument_group("how it runs")
     how.add_argument(
-        "--processes", choices=("many", "one"), default="many", help="a process for each node, or one for all"
+        "--processes", choices=("many", "one"), default="many", help="one process per node, or one for all nodes"
     )
     how.add_argument(
         "--realtime",
         type=float,
         default=0.0,
         metavar="F",
-        help="speed relative to real time; 0: lockstep, as fast as it goes",
+        help="speed relative to real time; 0: lockstep, as fast as possible",
     )
     how.add_argument("--record", action=argparse.BooleanOptionalAction, default=True, help="record the run to MCAP")
     how.add_argument(
@@ -55,33 +56,33 @@ def parser(program: str) -> Parser:
         const=FOXGLOVE_PORT,
         metavar="PORT",
         help=f"serve every topic live to Foxglove, on this port of this machine ({FOXGLOVE_PORT}; 0: a free one); best "
-        "with --realtime. Needs requirements-foxglove.txt",
+        "with --realtime; needs requirements-foxglove.txt",
     )
     how.add_argument(
         "--start-timeout",
         type=float,
         default=START_TIMEOUT_S,
         metavar="S",
-        help="seconds within which every node must be up",
+        help="seconds that the nodes may take to come up",
     )
     return result
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Plays the match. Gives the exit code."""
-    panel = Panel()
-    match, supervision = _prepared(arguments, panel, interrupts)
+    """Plays the match. Returns the exit code."""
+    line = LiveLine(log_every_s=LOG_EVERY_S, keep=True)
+    match, supervision = _prepare(arguments, line, interrupts)
     match = make_run_directory(match)
     try:
         code = supervision.run(match)
     except (BadInput, Interrupted):
         shutil.rmtree(match.out)  # nothing was played: leave nothing behind
         raise
-    return _tell(match, code, panel, interrupts)
+    return _report(match, code, arguments.json, line, interrupts)
 
 
-def _prepared(arguments: argparse.Namespace, panel: Panel, interrupts: Interrupts) -> tuple[Match, Supervision]:
-    """All that can be refused is refused here, before there is a process or a directory."""
+def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrupts) -> tuple[Match, Supervision]:
+    """Refuses all that can be refused, before there is a process or a directory."""
     for name, low, high in (("realtime", 0, 100), ("start_timeout", 0.1, 3600)):
         value = getattr(arguments, name)
         if not low <= value <= high:
@@ -91,7 +92,7 @@ def _prepared(arguments: argparse.Namespace, panel: Panel, interrupts: Interrupt
     match = match_from(arguments)
     rehearse(match)
     for note in match.notes:
-        panel.say(note)
+        line.say(note)
     interrupts.check(BEFORE_THE_MATCH)
     mode = Mode(arguments.processes, arguments.realtime, arguments.record, arguments.start_timeout)
     live = None
@@ -99,28 +100,28 @@ def _prepared(arguments: argparse.Namespace, panel: Panel, interrupts: Interrupt
         from fbql.graph.foxglove_live import FoxgloveLive
 
         live = FoxgloveLive(arguments.foxglove)
-        panel.say(f"live in Foxglove: {live.address} (Open connection, Foxglove WebSocket)")
-    return match, Supervision(mode, domain_id, arguments.start_timeout, panel, interrupts, live)
+        line.say(f"live in Foxglove: {live.address} (Open connection, Foxglove WebSocket)")
+    return match, Supervision(mode, domain_id, arguments.start_timeout, line, interrupts, live)
 
 
-def _tell(match: Match, code: int, panel: Panel, interrupts: Interrupts) -> int:
+def _report(match: Match, code: int, as_json: bool, line: LiveLine, interrupts: Interrupts) -> int:
     run = match.out
     path = run / "summary.json"
     if not path.is_file():
         cause = f"ended by {interrupts.name} before there was a result" if interrupts.came else "there is no summary"
-        panel.say(f"{cause}; see {run / 'log'}")
+        line.complain(f"{cause}; see {run / 'log'}")
         if recorded := next(run.glob("*.mcap.active"), None):
             command = f"{typed('recover')} {shlex.quote(str(run))}"
-            panel.say(f"{recorded} was not finished; {command} gets out what it holds")
+            line.complain(f"{recorded} was not finished; {command} recovers its messages")
         return code or FAILED
     if interrupts.came:
-        panel.say(f"ended by {interrupts.name}; what was played until then is complete")
+        line.complain(f"ended by {interrupts.name}; what was played until then is complete")
     summary = json.loads(path.read_text())
-    told = summary_text(summary, run, match.simulation.dt_s, policy_told(match))
-    text = f"{told}\n{next_steps(summary, run, same_options(match), match.fusion.learn)}"
+    text = summary_text(summary, run, match.simulation.dt_s, policy_told(match))
+    text += f"\n{next_steps(summary, run, same_options(match), match.fusion.learn)}"
     try:
-        print_result(json.dumps(summary) if match.json else text)
+        print_result(json.dumps(summary) if as_json else text)
     except OSError as error:
-        panel.say(f"the result can't be printed ({error.strerror}); it is in {path}")
+        line.complain(f"the result can't be printed ({error.strerror}); it is in {path}")
         return code or FAILED
     return code or (INCOMPLETE if summary["incomplete"] else 0)

@@ -16,11 +16,10 @@ from fbql_recording import open_run
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.panel import print_result, warn
-from fbql.cli.parser import Parser
-from fbql.cli.progress_line import ProgressLine
-from fbql.report.comparison import MEASURES, kinds_of, name_of, pairs_of, reached
-from fbql.report.comparison_svg import picture
+from fbql.cli.output import LiveLine, print_result, warn, writing
+from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options
+from fbql.cli.words import counted
+from fbql.report.comparison import MEASURES, Group, Pair, RunResult, groups_of, name_of, pairs_of, result_of
 from fbql.report.texts import plain
 from fbql.statistics.tables import rows_as_text
 
@@ -29,91 +28,90 @@ def parser(program: str) -> Parser:
     """The command line."""
     command = Parser(
         prog=program,
-        description="Puts recorded runs side by side. Runs of the same controller, trees, policy and parameters are "
-        "taken together over their seeds, with 95 % confidence intervals; everything else that differs is named.",
+        description="Compares recorded runs. Runs with the same controller, trees, policy and parameters are grouped over "
+        "their seeds, with 95 % confidence intervals; everything else that differs is named.",
         epilog="Exit codes: 0 done; 1 failed; 2 bad input; 3 done, but a recording is incomplete.",
     )
-    command.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="run directory, bag (MCAP), or .mcap file")
-    command.add_argument("--figure", type=Path, metavar="FILE", help="draw it, as SVG")
-    command.add_argument("--force", action="store_true", help="replace a figure that is there")
-    command.add_argument("--allow-incomplete", action="store_true", help="exit with 0, not 3, where one is incomplete")
-    command.add_argument("--skip-corrupt", action="store_true", help="leave damaged chunks out instead of ending there")
-    command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    command.add_argument("runs", nargs="+", type=Path, metavar="RUN", help=RUN_HELP)
+    command.add_argument("--figure", type=Path, metavar="FILE", help="draw the comparison, as SVG")
+    command.add_argument("--force", action="store_true", help="replace an existing figure")
+    add_recording_options(command)
+    add_json_option(command)
     return command
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Compares the runs. Gives 0, or 3 where a recording is incomplete."""
+    """Compares the runs. Returns 0, or 3 if a recording is incomplete."""
     paths = list(dict.fromkeys(path.absolute() for path in arguments.runs))
     if len(paths) < 2:
         raise BadInput("name two runs or more")
-    if arguments.figure is not None and arguments.figure.exists() and not arguments.force:
-        raise BadInput(f"{arguments.figure} exists; --force replaces it")
-    runs, warnings = _read(paths, arguments.skip_corrupt, interrupts)
-    kinds, notes = kinds_of(runs)
     if arguments.figure is not None:
-        _draw(kinds, arguments.figure)
+        from fbql.report.comparison_figure import comparison_svg  # matplotlib takes a second, and is an extra
+
+        if arguments.figure.exists() and not arguments.force:
+            raise BadInput(f"{arguments.figure} exists; --force replaces it")
+    results, warnings = _read(paths, arguments.skip_corrupt, interrupts)
+    groups, notes = groups_of(results)
+    if arguments.figure is not None:
+        with writing(arguments.figure):
+            write_atomically(arguments.figure, comparison_svg(groups))
     warn(warnings)
-    pairs = pairs_of(kinds)
-    print_result(
-        json.dumps(_values(runs, kinds, pairs, notes)) if arguments.json else _words(runs, kinds, pairs, notes)
-    )
-    return DONE if arguments.allow_incomplete or all(run.is_complete for run in runs) else INCOMPLETE
+    show = _values if arguments.json else _words
+    print_result(show(results, groups, pairs_of(groups), notes))
+    return DONE if arguments.allow_incomplete or all(each.is_complete for each in results) else INCOMPLETE
 
 
-def _read(paths: Sequence[Path], skip_corrupt: bool, interrupts: Interrupts) -> tuple[list[Any], list[str]]:
-    """What each run reached, and warnings about them."""
-    found: list[Any] = []
+def _read(paths: Sequence[Path], skip_corrupt: bool, interrupts: Interrupts) -> tuple[list[RunResult], list[str]]:
+    """The result of each run, and warnings about them."""
+    results: list[RunResult] = []
     warnings: list[str] = []
-    with closing(ProgressLine()) as line:
+    with closing(LiveLine()) as line:
         for path in paths:
             interrupts.check("nothing was compared")
-            line.show(f"reading {path.name}, {len(found) + 1} of {len(paths)}")
+            line.show(f"reading {path.name}, {len(results) + 1} of {len(paths)}")
             run = open_run(path, skip_corrupt=skip_corrupt)
-            found.append(replace(reached(run), name=plain(name_of(path, paths))))
+            results.append(replace(result_of(run), name=plain(name_of(path, paths))))
             warnings += run.warnings
-    return found, warnings
+    return results, warnings
 
 
-def _draw(kinds: Sequence[Any], path: Path) -> None:
-    try:
-        write_atomically(path, picture(kinds).encode())
-    except OSError as error:
-        raise BadInput(f"{path}: can't be written ({error.strerror})") from None
+def _letters(groups: Sequence[Group]) -> dict[str, str]:
+    return {run.name: group.letter for group in groups for run in group.runs}
 
 
-def _values(runs: Sequence[Any], kinds: Sequence[Any], pairs: Sequence[Any], notes: Sequence[str]) -> dict[str, Any]:
-    letters = {run.name: kind.letter for kind in kinds for run in kind.runs}
-    return {
-        "runs": [{**run.row, "digest": run.digest, "kind": letters.get(run.name)} for run in runs],
-        "kinds": [{**kind.row, "label": kind.label, "setting": kind.runs[0].setting} for kind in kinds],
-        "pairs": [asdict(pair) for pair in pairs],
-        "notes": list(notes),
-    }
+def _values(results: Sequence[RunResult], groups: Sequence[Group], pairs: Sequence[Pair], notes: Sequence[str]) -> str:
+    letters = _letters(groups)
+    return json.dumps(
+        {
+            "runs": [{**each.row, "digest": each.digest, "kind": letters.get(each.name)} for each in results],
+            "kinds": [{**each.row, "label": each.label, "setting": each.runs[0].setting} for each in groups],
+            "pairs": [asdict(pair) for pair in pairs],
+            "notes": list(notes),
+        }
+    )
 
 
-def _words(runs: Sequence[Any], kinds: Sequence[Any], pairs: Sequence[Any], notes: Sequence[str]) -> str:
-    letters = {run.name: kind.letter for kind in kinds for run in kind.runs}
-    parts = [rows_as_text([{"kind": letters.get(run.name, "-"), **run.row} for run in runs])]
-    parts.append("\n".join(f"{kind.letter}: {kind.label}" for kind in kinds))
-    parts.append(rows_as_text([_short_row(kind) for kind in kinds]))
+def _words(results: Sequence[RunResult], groups: Sequence[Group], pairs: Sequence[Pair], notes: Sequence[str]) -> str:
+    letters = _letters(groups)
+    parts = [rows_as_text([{"group": letters.get(each.name, "-"), **each.row} for each in results])]
+    parts.append("\n".join(f"{group.letter}: {group.label}" for group in groups))
+    parts.append(rows_as_text([_short_row(group) for group in groups]))
     parts += [_pair_words(pair) for pair in pairs]
     return "\n\n".join([*parts, "\n".join(notes)] if notes else parts)
 
 
-def _short_row(kind: Any) -> dict[str, Any]:
+def _short_row(group: Group) -> dict[str, Any]:
     """Each measure with its interval in one cell."""
-    row: dict[str, Any] = {"kind": kind.letter, "runs": len(kind.runs)}
+    row: dict[str, Any] = {"group": group.letter, "runs": len(group.runs)}
     for measure in MEASURES:
-        found = kind.row
-        value, low, high = (found[f"{measure}{end}"] for end in ("", "_low", "_high"))
+        value, low, high = (group.row[f"{measure}{end}"] for end in ("", "_low", "_high"))
         interval = "" if low is None or high is None else f" ({low:.4g} to {high:.4g})"
         row[measure.replace("_", " ")] = None if value is None else f"{value:.4g}{interval}"
     return row
 
 
-def _pair_words(pair: Any) -> str:
+def _pair_words(pair: Pair) -> str:
     ratio = "n/a" if pair.cost_ratio is None else f"{pair.cost_ratio:.3g} times"
     p = "n/a" if pair.p is None else f"{pair.p:.3g}"
-    seeds = "1 seed" if pair.seeds == 1 else f"{pair.seeds} seeds"
-    return f"{pair.letter} against {pair.against}: a goal costs {ratio} as many steps, over {seeds} that both have; p = {p}"
+    seeds = counted(pair.seeds, "shared seed")
+    return f"{pair.letter} against {pair.against}: {ratio} as many steps per goal, over {seeds}; p = {p}"

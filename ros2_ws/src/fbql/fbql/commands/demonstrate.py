@@ -1,7 +1,7 @@
 """Records demonstrations of a behavior, by its scripted instructor or by a person; replays and merges them.
 
-The scripted instructor drives in the simulator in one process, as fast as it goes. A person drives live on the ROS graph
-(`fbql.keyboard`). Both make the same kind of recording, from which `induce.py` makes a tree.
+The scripted instructor drives in the simulator in one process, as fast as possible. A person drives live on the ROS graph
+(`fbql.keyboard`). Both make the same kind of recording, from which `induce` makes a tree.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
@@ -25,13 +25,12 @@ from fbql_common.core.errors import BadInput
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, know_observations
-from fbql.cli.panel import print_result, say
-from fbql.cli.parser import Parser
+from fbql.cli.output import LiveLine, complain, print_result, say
+from fbql.cli.parser import Parser, add_json_option
 from fbql.cli.places import new_path, typed
 from fbql.cli.words import counted
 from fbql.demonstrations.instruct import instruct, simulation_of, starts
-from fbql.demonstrations.merge import merge, recordings_of
-from fbql.demonstrations.origins import Origin, about_origins
+from fbql.demonstrations.origins import Origin, about_origins, merge, recordings_of
 from fbql.demonstrations.recording import save_demonstrations
 from fbql.demonstrations.replay import verify
 from fbql.keyboard.show import show
@@ -43,7 +42,7 @@ SLOWEST, FASTEST = 0.01, 100.0
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Records, replays or merges. Gives the exit code."""
+    """Records, replays or merges. Returns the exit code."""
     _check_usage(arguments)
     know_observations(arguments.observation, [arguments.behavior] if arguments.behavior else [])
     if arguments.replay is not None:
@@ -60,29 +59,32 @@ def _by_script(arguments: argparse.Namespace) -> int:
     count = recipe.demonstrations if arguments.demonstrations is None else arguments.demonstrations
     steps = recipe.steps if arguments.steps is None else arguments.steps
     out = arguments.out or new_path(f"demonstrations-{behavior}-s{seed}")
-    demonstrations = instruct(behavior, seed, count, steps, _progress(count))
+    with closing(LiveLine()) as line:
+        demonstrations = instruct(
+            behavior, seed, count, steps, lambda made: line.show(f"{made} of {counted(count, 'demonstration')}")
+        )
     seeds = {episode: start for episode, (start, _) in enumerate(islice(starts(behavior, seed), count))}
     details = {"seed": seed, "habits": asdict(Habits())}
     origin = Origin("scripted", simulation_of(behavior), seeds, details)
     if not save_demonstrations(out, behavior, demonstrations, about_origins([origin])):
         return INCOMPLETE
-    _tell(arguments, behavior, demonstrations, out)
+    _report(arguments, behavior, demonstrations, out)
     return DONE
 
 
 def _by_keyboard(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     interrupts.install()
-    from fbql.keyboard.command import demonstrate_by_keyboard  # it brings ROS along, which the others do without
+    from fbql.keyboard.drive import demonstrate_by_keyboard  # it needs ROS, which the other ways do not
 
     behavior = arguments.behavior
-    # Another sitting is to show other starts, so that the two are worth merging.
+    # Each sitting has other starts, so that two are worth merging.
     seed = int(np.random.SeedSequence().generate_state(1)[0]) if arguments.seed is None else arguments.seed
     out = arguments.out or new_path(f"demonstrations-{behavior}-keyboard")
     kept, well = demonstrate_by_keyboard(behavior, seed, arguments.realtime, out, arguments.ascii, interrupts)
     if not kept:
-        say("nothing was demonstrated, nothing is written")
+        complain("nothing was demonstrated; nothing was written")
         return FAILED
-    _tell(arguments, behavior, [each.demonstration for each in kept], out)
+    _report(arguments, behavior, [each.demonstration for each in kept], out)
     return DONE if well else FAILED
 
 
@@ -94,7 +96,7 @@ def _merge(arguments: argparse.Namespace) -> int:
     know_observations([], [behavior])
     if not save_demonstrations(out, behavior, demonstrations, about_origins(origins)):
         return INCOMPLETE
-    _tell(arguments, behavior, demonstrations, out)
+    _report(arguments, behavior, demonstrations, out)
     return DONE
 
 
@@ -102,38 +104,30 @@ def _replay(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     recordings = recordings_of([arguments.replay], arguments.behavior)
     behavior = recordings[0].behavior
     know_observations([], [behavior])
-    verification = verify(recordings)
+    found = verify(recordings)
     if not trouble_with_terminal():
         show(recordings, arguments.realtime, arguments.ascii, interrupts)
     demonstrations = [demonstration for recording in recordings for demonstration in recording.demonstrations]
-    if verification.first_difference:
-        say(verification.first_difference)
-    elif verification.without_start:
-        unknown = (
-            f"{verification.without_start} of {counted(len(demonstrations), 'demonstration')} do not say how they began"
-        )
-        say(f"{unknown}: they cannot be driven again")
+    if found.first_difference:
+        complain(found.first_difference)
+    elif found.without_start:
+        unknown = f"{found.without_start} of {counted(len(demonstrations), 'demonstration')}"
+        complain(f"{unknown} can't be driven again: the recording does not name their start")
     else:
-        say(f"driven again: all {verification.steps} steps are the same, bit for bit")
-    verified = {"identical": verification.identical, "steps": verification.steps}
-    _tell(
-        arguments,
-        behavior,
-        demonstrations,
-        arguments.replay,
-        {**verified, "first_difference": verification.first_difference},
-    )
-    return DONE if verification.identical else FAILED
+        say(f"driven again: all {found.steps} steps are identical, bit for bit")
+    more = {"identical": found.identical, "steps": found.steps, "first_difference": found.first_difference}
+    _report(arguments, behavior, demonstrations, arguments.replay, more)
+    return DONE if found.identical else FAILED
 
 
-def _tell(
+def _report(
     arguments: argparse.Namespace,
     behavior: str,
     demonstrations: Sequence[Demonstration],
     path: Path,
     more: dict[str, object] | None = None,
 ) -> None:
-    """Says what there is now, and what comes next."""
+    """Prints what was recorded, and what to type next."""
     recipe = recipe_of(behavior)
     patterns = len(patterns_of(demonstrations, observation_of(behavior), recipe.every, recipe.patterns))
     say(f"{counted(len(demonstrations), 'demonstration')}, {counted(patterns, 'pattern')}: {path}")
@@ -146,22 +140,10 @@ def _tell(
         say(f"Next: {typed('induce')} {shlex.join(words)}")
 
 
-def _progress(count: int) -> Callable[[int], None]:
-    def show(made: int) -> None:
-        print(
-            f"\r{made} of {counted(count, 'demonstration')}",
-            end="\n" if made == count else "",
-            file=sys.stderr,
-            flush=True,
-        )
-
-    return show if sys.stderr.isatty() else lambda _: None
-
-
 def _check_usage(arguments: argparse.Namespace) -> None:
     modes = [name for name in ("keyboard", "replay", "merge") if getattr(arguments, name)]
     if len(modes) > 1:
-        raise BadInput(f"--{modes[0]} and --{modes[1]} are two things; choose one")
+        raise BadInput(f"--{modes[0]} and --{modes[1]} exclude each other; choose one")
     mode = modes[0] if modes else ""
     if arguments.behavior is None and mode in ("", "keyboard"):
         raise BadInput(f"name the BEHAVIOR, one of: {', '.join(INSTRUCTORS)}")
@@ -183,9 +165,9 @@ def parser(program: str) -> Parser:
     modes = command.add_argument_group("instead of the scripted instructor")
     modes.add_argument("--keyboard", action="store_true", help="drive yourself, with the keys that the screen shows")
     modes.add_argument(
-        "--replay", type=Path, metavar="DIR", help="show demonstrations as recorded, and drive them again to compare"
+        "--replay", type=Path, metavar="DIR", help="show recorded demonstrations, and drive them again to compare"
     )
-    modes.add_argument("--merge", type=Path, nargs="+", metavar="DIR", help="make one recording of several")
+    modes.add_argument("--merge", type=Path, nargs="+", metavar="DIR", help="merge several recordings into one")
     modes.add_argument(
         "--realtime",
         type=float,
@@ -202,16 +184,16 @@ def parser(program: str) -> Parser:
         "--seed",
         type=int,
         metavar="S",
-        help=f"seed of the starts and of the instructor's hand ({SCRIPTED_SEED}; --keyboard: another one each time)",
+        help=f"seed of the starts and of the instructor's hand ({SCRIPTED_SEED}; --keyboard: a new one each time)",
     )
-    command.add_argument("--demonstrations", type=int, metavar="N", help="how many (what the behavior's recipe says)")
-    command.add_argument("--steps", type=int, metavar="N", help="steps of each at most (what the recipe says)")
+    command.add_argument("--demonstrations", type=int, metavar="N", help="how many (from the behavior's recipe)")
+    command.add_argument("--steps", type=int, metavar="N", help="most steps of each (from the recipe)")
     command.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
         help="directory to make; it must not exist (runs/TIME-demonstrations-BEHAVIOR-...)",
     )
-    command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    add_json_option(command)
     add_observation_option(command)
     return command

@@ -1,6 +1,6 @@
-"""Makes the trees that ship, from their committed seeds: demonstrations, then induction, by each behavior's recipe.
+"""Makes the shipped trees from their committed seeds: demonstrations, then induction, by each behavior's recipe.
 
-`demonstrate.py BEHAVIOR` followed by `induce.py BEHAVIOR` with the same seeds makes the same trees.
+`demonstrate BEHAVIOR` followed by `induce BEHAVIOR` with the same seeds makes the same trees.
 """
 
 from __future__ import annotations
@@ -15,26 +15,25 @@ from fbql_behaviors.storage import save_tree
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.panel import print_result, say
-from fbql.cli.parser import Parser
-from fbql.cli.unwritable import Unwritable
+from fbql.cli.output import print_result, say, writing
+from fbql.cli.parser import Parser, add_json_option
 from fbql.demonstrations.make_tree import make_tree
 
 
 def parser(program: str) -> Parser:
     """The command line."""
-    command = Parser(prog=program, description="Makes the trees that ship again, from their committed seeds.")
+    command = Parser(prog=program, description="Makes the shipped trees again, from their committed seeds.")
     command.add_argument(
         "--out", type=Path, default=shipped_trees(), metavar="DIR", help="where the trees go (%(default)s)"
     )
-    command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    add_json_option(command)
     return command
 
 
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
-    """Makes the trees. Gives 0."""
+    """Makes the trees. Returns 0."""
     made: dict[str, dict[str, object]] = {}
-    try:
+    with writing(arguments.out):
         arguments.out.mkdir(parents=True, exist_ok=True)
         for behavior in RECIPES:
             tree = make_tree(behavior).tree
@@ -42,8 +41,6 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
             save_tree(path, tree)
             made[behavior] = {"leaves": tree.leaf_count, "sha256": tree.hash, "path": str(path)}
             say(f"{behavior}: {tree.leaf_count} leaves, {path}")
-    except OSError as error:
-        raise Unwritable(arguments.out, error) from None
     if arguments.json:
         print_result(json.dumps(made))
     return DONE

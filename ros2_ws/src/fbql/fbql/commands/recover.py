@@ -13,10 +13,8 @@ from fbql_recording import Gap, Recovery, recover
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.panel import print_result
+from fbql.cli.output import LiveLine, Unwritable, print_result
 from fbql.cli.parser import Parser
-from fbql.cli.progress_line import ProgressLine
-from fbql.cli.unwritable import Unwritable
 
 
 def parser(program: str) -> Parser:
@@ -41,7 +39,7 @@ def parser(program: str) -> Parser:
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Recovers the recording. Gives 0, or 3 where something is lost."""
     begun_s = monotonic()
-    with closing(ProgressLine()) as line:
+    with closing(LiveLine()) as line:
 
         def progress(words: str) -> None:
             interrupts.check()

@@ -1,4 +1,4 @@
-"""A recorded run once more: onto ROS, verified, or with other parameters or trees."""
+"""A recorded run again: published on ROS, verified, or recomputed with other parameters or trees."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from fbql_recording import open_run
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option
-from fbql.cli.panel import warn
-from fbql.cli.parser import Parser
+from fbql.cli.output import warn
+from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Replays the run. Gives 0 (with --verify: identical), 1 where it differs, 3 where the recording is incomplete."""
+    """Replays the run. Returns 0 (with --verify: identical), 1 if it differs, 3 if the recording is incomplete."""
     _check(arguments)
     run = open_run(arguments.run, skip_corrupt=arguments.skip_corrupt)
     known = run.warnings
@@ -28,9 +28,9 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _command(arguments: argparse.Namespace):
-    """What is asked for. Only what is needed is imported: verifying takes no ROS."""
+    """The function that does it. Only what is needed is imported: verifying takes no ROS."""
     if arguments.verify:
-        from fbql.replay.verify import verify_run
+        from fbql.replay.verification import verify_run
 
         return verify_run
     if _is_what_if(arguments):
@@ -46,35 +46,27 @@ def parser(program: str) -> Parser:
     """The command line."""
     command = Parser(
         prog=program,
-        description="Replays a recorded run onto ROS; with --verify computes it again and compares every leaf, Q, "
-        "weight and command; with --set, --preset, --controller, --policy or --trees computes what would have been "
-        "decided otherwise.",
+        description="Publishes a recorded run on ROS again; with --verify recomputes it and compares every leaf, Q, weight and "
+        "command; with --set, --preset, --controller, --policy or --trees shows what would have been decided instead.",
         epilog="Exit codes: 0 done, identical; 1 differs, failed; 2 bad input; 3 the recording is incomplete.",
     )
-    command.add_argument("run", type=Path, metavar="RUN", help="run directory, bag of ROS 2 (MCAP), or .mcap file")
-    command.add_argument(
-        "--allow-incomplete",
-        action="store_true",
-        help="exit with 0, not 3, where the recording was cut off or is damaged",
-    )
-    command.add_argument("--skip-corrupt", action="store_true", help="leave damaged chunks out instead of ending there")
-    command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
-    ros = command.add_argument_group("onto ROS (the default)")
-    ros.add_argument("--rate", type=float, default=1.0, metavar="F", help="times real time; 0: as fast as it goes (1)")
-    ros.add_argument(
-        "--start", type=float, default=0.0, metavar="S", help="begin S seconds after the recording's begin"
-    )
-    ros.add_argument("--duration", type=float, metavar="S", help="end after S seconds of the recording")
-    ros.add_argument("--loop", action="store_true", help="begin again at the end, until q or Ctrl-C")
-    ros.add_argument("--topics", nargs="+", metavar="TOPIC", help="republish these topics alone")
+    command.add_argument("run", type=Path, metavar="RUN", help=RUN_HELP)
+    add_recording_options(command)
+    add_json_option(command)
+    ros = command.add_argument_group("published on ROS (the default)")
+    ros.add_argument("--rate", type=float, default=1.0, metavar="F", help="times real time; 0: as fast as possible (1)")
+    ros.add_argument("--start", type=float, default=0.0, metavar="S", help="start S seconds into the recording")
+    ros.add_argument("--duration", type=float, metavar="S", help="stop after S seconds of the recording")
+    ros.add_argument("--loop", action="store_true", help="start over at the end, until q or Ctrl-C")
+    ros.add_argument("--topics", nargs="+", metavar="TOPIC", help="publish these topics alone")
     ros.add_argument("--no-clock", dest="clock", action="store_false", help="publish no /clock")
-    ros.add_argument("--domain", type=int, metavar="N", help="ROS_DOMAIN_ID to replay in (one that nobody uses)")
+    ros.add_argument("--domain", type=int, metavar="N", help="ROS_DOMAIN_ID to replay in (a free one)")
     ros.add_argument(
         "--wait", type=float, default=1.0, metavar="S",
-        help="begin when every topic has a subscriber, or after S seconds (1)",
+        help="start when every topic has a subscriber, or after S seconds (1)",
     )  # fmt: skip
-    verified = command.add_argument_group("computed again")
-    verified.add_argument("--verify", action="store_true", help="compare with what was recorded, bit by bit")
+    verified = command.add_argument_group("recomputed")
+    verified.add_argument("--verify", action="store_true", help="recompute the run and compare it bit by bit")
     add_observation_option(verified)
     other = command.add_argument_group("what if")
     other.add_argument(
@@ -83,9 +75,9 @@ def parser(program: str) -> Parser:
     )  # fmt: skip
     other.add_argument("--preset", choices=tuple(PRESETS), help="other thresholds of Subsumption")
     other.add_argument("--controller", choices=CONTROLLERS, help="another controller")
-    other.add_argument("--policy", metavar="FILE", help="another policy to start from; 'none': none")
+    other.add_argument("--policy", metavar="FILE", help="another policy to start from, or none")
     other.add_argument("--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior")
-    other.add_argument("--csv", type=Path, metavar="FILE", help="write every step as a table")
+    other.add_argument("--csv", type=Path, metavar="FILE", help="write every step as a table (CSV)")
     other.add_argument("--figure", type=Path, metavar="FILE", help="draw weights and commands, as SVG")
     return command
 
@@ -100,8 +92,8 @@ def _check(arguments: argparse.Namespace) -> None:
     """Raises BadInput for options that do not go together."""
     what_if = _is_what_if(arguments)
     if arguments.verify and what_if:
-        raise BadInput("--verify compares with what was recorded; leave --set, --trees and the like out")
+        raise BadInput("--verify compares with what was recorded; leave out --set, --trees and the like")
     if arguments.verify and arguments.skip_corrupt:
-        raise BadInput("a run of which something is left out can't be verified; leave --skip-corrupt out")
+        raise BadInput("a run without its damaged chunks can't be verified; leave out --skip-corrupt")
     if (arguments.csv or arguments.figure) and not what_if:
-        raise BadInput("--csv and --figure show what another value would do: add --set, --trees or the like")
+        raise BadInput("--csv and --figure show the effect of another value; add --set, --trees or the like")

@@ -11,19 +11,18 @@ from pathlib import Path
 from typing import Any
 
 from fbql_common.core.errors import BadInput
-from fbql_recording import open_run
+from fbql_recording import Run, open_run
 from fbql_recording.tables import FORMATS, write_episodes, write_steps
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.panel import print_result, warn
-from fbql.cli.parser import Parser
-from fbql.cli.progress_line import ProgressLine
+from fbql.cli.output import LiveLine, print_result, warn, writing
+from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options
 from fbql.report.page import write_page
 from fbql.report.texts import plain
 
 PAGE = "report.html"
-"""What the page in a run directory is called."""
+"""Name of the page in a run directory."""
 
 
 def parser(program: str) -> Parser:
@@ -34,32 +33,31 @@ def parser(program: str) -> Parser:
         "behavior's leaf in words, weights, Q, rewards, timelines, parameters and hashes.",
         epilog="Exit codes: 0 done; 1 failed; 2 bad input; 3 done, but the recording is incomplete.",
     )
-    command.add_argument("run", type=Path, metavar="RUN", help="run directory, bag of ROS 2 (MCAP), or .mcap file")
+    command.add_argument("run", type=Path, metavar="RUN", help=RUN_HELP)
     command.add_argument("--out", type=Path, metavar="FILE", help=f"the page (RUN/{PAGE}; beside an .mcap file)")
     command.add_argument(
         "--figures",
         action="store_true",
-        help="write figures as well (PDF and SVG: steps, collisions, failures, success rate), and episodes and steps as "
-        "CSV and Parquet, into a directory beside the page",
+        help="also write figures (PDF and SVG: steps, collisions, failures, success rate), and episodes and steps as CSV "
+        "and Parquet, into a directory beside the page",
     )
-    command.add_argument("--force", action="store_true", help="replace a page and figures that are there")
-    command.add_argument("--allow-incomplete", action="store_true", help="exit with 0, not 3, where it is incomplete")
-    command.add_argument("--skip-corrupt", action="store_true", help="leave damaged chunks out instead of ending there")
-    command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    command.add_argument("--force", action="store_true", help="replace an existing page and figures")
+    add_recording_options(command)
+    add_json_option(command)
     return command
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Writes the page. Gives 0, or 3 where the recording is incomplete."""
+    """Writes the page. Returns 0, or 3 if the recording is incomplete."""
     run = open_run(arguments.run, skip_corrupt=arguments.skip_corrupt)
     out = arguments.out or default_page(run.path)
     figures = out.with_name(f"{out.stem}-figures") if arguments.figures else None
     for path in (out, figures):
         if path is not None and path.exists() and not arguments.force:
             raise BadInput(f"{path} exists; --force replaces it, --out FILE writes elsewhere")
-    found = _write(run, out, figures, interrupts)
+    result = _write(run, out, figures, interrupts)
     warn(run.warnings)
-    print_result(json.dumps(found) if arguments.json else _words(found))
+    print_result(json.dumps(result) if arguments.json else _words(result))
     return DONE if arguments.allow_incomplete or run.is_complete else INCOMPLETE
 
 
@@ -68,8 +66,8 @@ def default_page(run: Path) -> Path:
     return run / PAGE if run.is_dir() else run.with_name(f"{run.name.split('.mcap')[0]}-{PAGE}")
 
 
-def _write(run: Any, out: Path, figures: Path | None, interrupts: Interrupts) -> dict[str, Any]:
-    """The page is there whole or not at all."""
+def _write(run: Run, out: Path, figures: Path | None, interrupts: Interrupts) -> dict[str, Any]:
+    """Writes the page as a whole or not at all."""
     total = max(run.counts.values(), default=0)
 
     def progress(steps: int) -> None:
@@ -79,9 +77,9 @@ def _write(run: Any, out: Path, figures: Path | None, interrupts: Interrupts) ->
     what = "page"
     files: list[Path] = []
     temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
-    try:
+    with writing(out):
         try:
-            with closing(ProgressLine()) as line:
+            with closing(LiveLine()) as line:
                 with temporary.open("x", encoding="utf-8") as file:
                     contents = write_page(run, file, progress)
                 if figures is not None:
@@ -90,8 +88,6 @@ def _write(run: Any, out: Path, figures: Path | None, interrupts: Interrupts) ->
             temporary.replace(out)
         finally:
             temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise BadInput(f"{out}: can't be written ({error.strerror or error})") from None
     return {
         "path": str(out),
         "bytes": out.stat().st_size,
@@ -102,8 +98,8 @@ def _write(run: Any, out: Path, figures: Path | None, interrupts: Interrupts) ->
     }
 
 
-def _figures(run: Any, episodes: Any, directory: Path, progress: Callable[[int], None]) -> list[Path]:
-    """Figures and tables of a run; gives the files."""
+def _figures(run: Run, episodes: Any, directory: Path, progress: Callable[[int], None]) -> list[Path]:
+    """Writes the figures and tables of a run. Returns the files."""
     from fbql.report.figures import write_figures  # matplotlib takes a second, and is an extra
 
     directory.mkdir(exist_ok=True)

@@ -1,11 +1,10 @@
-"""Tree files: in words, in other languages, checked, and made from trees of scikit-learn."""
+"""Tree files: explained in words, exported, checked, and made from scikit-learn trees."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import re
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from math import degrees, isfinite, radians
 from pathlib import Path
@@ -24,9 +23,8 @@ from fbql_common.core.errors import BadInput
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, know_observations
-from fbql.cli.panel import print_result
+from fbql.cli.output import complain, print_result, say, writing
 from fbql.cli.parser import Parser
-from fbql.cli.unwritable import Unwritable
 from fbql.cli.words import counted
 
 FORMATS: Mapping[str, Callable[[Tree], str]] = {
@@ -39,7 +37,7 @@ _SIGNED = re.compile(r"-[\d.]")
 
 
 class _TreeParser(Parser):
-    """Takes `--at -5,3` as `--at=-5,3`: argparse takes a word that begins with a minus for an option."""
+    """Takes `--at -5,3` as `--at=-5,3`: argparse mistakes a word that begins with a minus for an option."""
 
     def parse_args(self, args: Sequence[str], namespace: None = None) -> argparse.Namespace:  # type: ignore[override]
         words: list[str] = []
@@ -52,12 +50,10 @@ class _TreeParser(Parser):
 
 
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
-    """Does what is asked for. Gives 0."""
+    """Runs the subcommand. Returns 0."""
     know_observations(arguments.observation)
-    try:
+    with writing("output"):
         return arguments.run(arguments)
-    except OSError as error:  # of standard output
-        raise Unwritable("output", error) from None
 
 
 def _explain(arguments: argparse.Namespace) -> int:
@@ -80,7 +76,7 @@ def _explain(arguments: argparse.Namespace) -> int:
 
 
 def _observation(text: str, tree: Tree) -> tuple[float, ...]:
-    """What --at says, inside of the root region; angles are given in degrees."""
+    """The observation of --at, clamped to the root region; angles are given in degrees."""
     words = text.split(",")
     if len(words) != len(tree.features):
         names = ",".join(feature.name for feature in tree.features)
@@ -90,14 +86,14 @@ def _observation(text: str, tree: Tree) -> tuple[float, ...]:
         try:
             value = float(word)
         except ValueError:
-            raise BadInput(f"--at {text}: '{word}' is no number") from None
+            raise BadInput(f"--at {text}: '{word}' is not a number") from None
         if not isfinite(value):
             raise BadInput(f"--at {text}: {feature.name} is {word}; it must be finite")
         values.append(radians(value) if feature.unit == "rad" else value)
     inside = tree.clamp(values)
     for given, taken, feature in zip(values, inside, tree.features, strict=True):
         if given != taken:
-            print(f"--at {text}: {feature.name} lies outside of what the tree senses and is clamped", file=sys.stderr)
+            complain(f"--at {text}: {feature.name} lies outside the tree's range and is clamped")
     return inside
 
 
@@ -115,11 +111,9 @@ def _export(arguments: argparse.Namespace) -> int:
     if arguments.out is None:
         print_result(text.removesuffix("\n"))
     else:
-        try:
+        with writing(arguments.out):
             arguments.out.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise Unwritable(arguments.out, error) from None
-        print(f"{arguments.out}: {len(text)} characters", file=sys.stderr)
+        say(f"{arguments.out}: {len(text)} characters")
     return DONE
 
 
@@ -130,10 +124,8 @@ def _import(arguments: argparse.Namespace) -> int:
         tree = from_arrays(_read_json(arguments.file), arguments.behavior, features, {"method": "imported"})
     except BadInput as error:
         raise BadInput(f"{arguments.file}: {error}") from None
-    try:
+    with writing(arguments.out):
         save_tree(arguments.out, tree)
-    except OSError as error:
-        raise Unwritable(arguments.out, error) from None
     print_result(f"{arguments.out}: {_summary(tree)}")
     return DONE
 
@@ -145,14 +137,14 @@ def _read_json(path: Path) -> Mapping[str, Any]:
     except OSError as error:
         raise BadInput(f"cannot be read ({error.strerror})") from None
     if len(data) > MAX_BYTES:
-        raise BadInput(f"more than {MAX_BYTES} bytes; a tree is smaller")
+        raise BadInput(f"more than {MAX_BYTES} bytes, the most a tree may have")
     try:
         found: Any = json.loads(data)
     except UnicodeDecodeError:
-        raise BadInput("not JSON: it is no text") from None
+        raise BadInput("not JSON: it is not text") from None
     except json.JSONDecodeError as error:
         raise BadInput(f"not JSON, or truncated: {error.msg} in line {error.lineno}") from None
-    except ValueError:  # Python reads no whole number of more than 4300 digits
+    except ValueError:  # Python reads no integer of more than 4300 digits
         raise BadInput("a number has too many digits") from None
     except RecursionError:
         raise BadInput("nested too deeply") from None
@@ -183,21 +175,21 @@ def parser(program: str) -> Parser:
         add_observation_option(own)
         return own
 
-    explain = command("explain", _explain, "says what each leaf does and where, a rule a line", "tree file")
+    explain = command("explain", _explain, "describe what each leaf does and where, one rule per line", "tree file")
     explain.add_argument(
         "--at",
         metavar="A,B",
-        help="the rule for this observation only; angles in degrees; clamped to what the tree senses",
+        help="the rule for this observation only; angles in degrees; clamped to the tree's range",
     )
     explain.add_argument("--json", action="store_true", help="print one JSON object")
-    export = command("export", _export, "writes a tree as C99, DOT, a picture of its partition, or JSON", "tree file")
+    export = command("export", _export, "write a tree as C99, DOT, a picture of its partition, or JSON", "tree file")
     export.add_argument("--to", choices=tuple(FORMATS), required=True, help="what to write")
     export.add_argument("--out", type=Path, metavar="F", help="file to write (stdout)")
-    check = command("check", _check, "says whether a tree file is sound, and what it holds", "tree file")
+    check = command("check", _check, "check whether a tree file is sound, and describe it", "tree file")
     check.add_argument("--json", action="store_true", help="print one JSON object")
     imports = command(
-        "import", _import, "makes a tree file of a scikit-learn tree's arrays", "JSON file with the arrays"
+        "import", _import, "make a tree file from the arrays of a scikit-learn tree", "JSON file with the arrays"
     )
-    imports.add_argument("--behavior", required=True, metavar="NAME", help="behavior that the tree is for")
+    imports.add_argument("--behavior", required=True, metavar="NAME", help="behavior of the tree")
     imports.add_argument("--out", type=Path, required=True, metavar="F", help="tree file to write")
     return result

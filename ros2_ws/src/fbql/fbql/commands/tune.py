@@ -1,11 +1,10 @@
-"""Tunes the leaves of a behavior's tree by Q-learning, and measures the tree before and after on the same starts."""
+"""Tunes the leaves of a behavior's tree by Q-learning, and measures the tree before and after from the same starts."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import sys
-from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
@@ -17,42 +16,43 @@ from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
-from fbql_common.core.parameters import check, limits_of, types_of
+from fbql_common.core.parameters import check, types_of
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.panel import print_result
-from fbql.cli.parser import Parser
+from fbql.cli.output import LiveLine, print_result, writing
+from fbql.cli.parser import Parser, add_json_option, add_parameter_options
 from fbql.cli.places import new_path
-from fbql.cli.unwritable import Unwritable
 from fbql.cli.words import counted
 from fbql.demonstrations.practice import PracticeGround, measure, measuring_seeds
 from fbql.statistics.inference import mean_interval
 from fbql.statistics.tables import finite
 
 STARTS = 400
-"""Starts that the tree is measured on, before and after."""
-_SHOWN_EVERY = 20
+"""Number of starts that the tree is measured from, before and after."""
 
 
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
-    """Tunes and measures. Gives 0."""
+    """Tunes and measures. Returns 0."""
     behavior = arguments.behavior
     exercise, parameters = exercise_of(behavior), _parameters(arguments)
     tree = _tree(behavior, arguments.trees)
     path = arguments.out or new_path(f"tuned-{behavior}") / f"{behavior}.json"
     ground = PracticeGround(behavior)
     begun_s = monotonic()
-    tuned = tune(tree, exercise, ground, ground.dt_s, parameters, arguments.seed, _progress(parameters.episodes))
+    with closing(LiveLine()) as line:
+
+        def progress(done: int) -> None:
+            line.show(f"{done} of {parameters.episodes} episodes")
+
+        tuned = tune(tree, exercise, ground, ground.dt_s, parameters, arguments.seed, progress)
     seconds = monotonic() - begun_s
     seeds = measuring_seeds(arguments.seed, arguments.starts)
     before, after = (measure(each, exercise, ground, seeds) for each in (tree, tuned.tree))
     gained = mean_interval([exercise.cost(new) - exercise.cost(old) for old, new in zip(before, after, strict=True)])
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         save_tree(path, tuned.tree)
-    except OSError as error:
-        raise Unwritable(path, error) from None
     result = finite(
         {
             "behavior": behavior,
@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
             "tuned_from": tree.hash,
         }
     )
-    print_result(json.dumps(result) if arguments.json else _worded(result))
+    print_result(json.dumps(result) if arguments.json else _words(result))
     return DONE
 
 
@@ -84,7 +84,7 @@ def _tree(behavior: str, directory: Path | None) -> Tree:
 
 
 def _parameters(arguments: argparse.Namespace) -> TuningParameters:
-    """The behavior's setting with what the command line says instead."""
+    """The behavior's setting, with the command line's values instead."""
     given = {name: value for name in types_of(TuningParameters) if (value := getattr(arguments, name)) is not None}
     parameters = replace(tuning_of(arguments.behavior), **given)
     check(parameters, "leaf tuning")
@@ -94,15 +94,7 @@ def _parameters(arguments: argparse.Namespace) -> TuningParameters:
     return parameters
 
 
-def _progress(episodes: int) -> Callable[[int], None]:
-    def show(done: int) -> None:
-        if done % _SHOWN_EVERY == 0 or done == episodes:
-            print(f"\r{done} of {episodes} episodes", end="\n" if done == episodes else "", file=sys.stderr, flush=True)
-
-    return show if sys.stderr.isatty() else lambda _: None
-
-
-def _worded(result: dict[str, Any]) -> str:
+def _words(result: dict[str, Any]) -> str:
     change = result["after"] - result["before"]
     low, high = result["difference_low"], result["difference_high"]
     interval = "" if low is None else f" (95 %: {low:+.1f} to {high:+.1f})"
@@ -110,7 +102,7 @@ def _worded(result: dict[str, Any]) -> str:
         (
             f"{result['leaves_changed']} of {counted(result['leaves'], 'leaf', 'leaves')} changed, "
             f"after {result['steps']} steps in {result['seconds']:.1f} s",
-            f"  {result['measure']}, over {counted(result['starts'], 'start')} that tuning did not see",
+            f"  {result['measure']}, over {counted(result['starts'], 'start')} not used in tuning",
             f"    before   {result['before']:.1f}",
             f"    after    {result['after']:.1f}, a difference of {change:+.1f}{interval}",
             f"  tree     {result['path']}",
@@ -123,24 +115,15 @@ def parser(program: str) -> Parser:
     command = Parser(
         prog=program,
         description="Tunes the leaves of a behavior's tree by Q-learning: small changes of the wheels' levels, kept where "
-        "they pay in practice.",
+        "they pay off in practice.",
     )
     command.add_argument("behavior", metavar="BEHAVIOR", help=f"one of: {', '.join(EXERCISES)}")
-    command.add_argument("--trees", type=Path, metavar="DIR", help="directory with BEHAVIOR.json (the trees that ship)")
+    command.add_argument("--trees", type=Path, metavar="DIR", help="directory with BEHAVIOR.json (the shipped trees)")
     command.add_argument("--seed", type=int, default=1, metavar="S", help="seed of the practice (%(default)s)")
     command.add_argument(
-        "--starts", type=int, default=STARTS, metavar="N", help="starts to measure on, before and after (%(default)s)"
+        "--starts", type=int, default=STARTS, metavar="N", help="starts to measure from, before and after (%(default)s)"
     )
     command.add_argument("--out", type=Path, metavar="FILE", help="tree file (runs/TIME-tuned-BEHAVIOR/BEHAVIOR.json)")
-    command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
-    group = command.add_argument_group("tuning", "without an option the behavior's setting holds")
-    kinds = types_of(TuningParameters)
-    for name, limits in limits_of(TuningParameters).items():
-        unit = f" [{limits.unit}]" if limits.unit else ""
-        group.add_argument(
-            f"--{name.replace('_', '-')}",
-            type=kinds[name],
-            metavar="N",
-            help=limits.description.replace("%", "%%") + unit,
-        )
+    add_json_option(command)
+    add_parameter_options(command, TuningParameters, "tuning", "without an option, the behavior's setting decides")
     return command

@@ -1,1 +1,1 @@
-"""Demonstrations: who gives them, where they come from, and the trees made from them."""
+"""Demonstrations: who gives them, how they are recorded, replayed and merged, and the trees made of them."""

@@ -1,4 +1,4 @@
-"""Demonstrations by a scripted instructor: the simulator's world and an instructor's hand, in one process."""
+"""Demonstrations by a scripted instructor, in the simulator and in one process."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ ANYWHERE = SimulationParameters(
     start_yaw_jitter_rad=3.14159,
     start_ball_jitter_m=0.25,
 )
-"""Starts all over the field and in every direction: a match's own starts show a behavior too little."""
+"""Starts all over the field and in every direction: the starts of a match cover too little."""
 STARTS = {"wall_avoiding": replace(ANYWHERE, start_distance_high_m=0.3)}
-"""Starts of the behaviors that need others: walls are avoided near walls, where few starts of `ANYWHERE` lead."""
+"""Starts of behaviors that need other ones: walls are avoided near walls, which few starts of `ANYWHERE` reach."""
 CLEAR_OF_BALL_M = 0.09
 """Robot and ball start no closer than this: nearer they would overlap."""
 MOST_TRIES = 20_000
-"""So many starts are tried for one that lies inside of the behavior's root region."""
+"""How many starts are tried until one lies inside the behavior's root region."""
 HIGHEST_SEED = 2**63 - 1
 
 
@@ -43,9 +43,9 @@ def simulation_of(behavior: str) -> SimulationParameters:
 
 
 def starts(behavior: str, seed: int) -> Iterator[tuple[int, np.random.Generator]]:
-    """The starts of a behavior's demonstrations, without end: the seed of the episode, and a generator for its driver.
+    """The starts of a behavior's demonstrations, without end: the seed of each episode, and a generator for its driver.
 
-    They lie inside of its root region. Raises BadInput for a seed out of range, and where no such start is found.
+    They lie inside its root region. Raises BadInput for a seed out of range, and where no such start is found.
     """
     _check("seed", seed, 0)
     return _starts(behavior, np.random.SeedSequence([seed, *behavior.encode()]))
@@ -65,13 +65,13 @@ def _starts(behavior: str, sequence: np.random.SeedSequence) -> Iterator[tuple[i
                 break
         else:
             raise BadInput(
-                f"behavior '{behavior}': none of {MOST_TRIES} starts lies inside of its root region; widen its features' "
+                f"behavior '{behavior}': none of {MOST_TRIES} starts lies inside its root region; widen its features' "
                 "ranges, or let a person demonstrate (--keyboard)"
             )
 
 
 def at_rest(start: Start) -> World:
-    """The world of step 0 of an episode that begins so, without the physics, which takes ten times as long."""
+    """The world of step 0 of an episode with this start, without the physics, which takes ten times as long."""
     x, y = start.robot_x_m, start.robot_y_m
     robot = (x, y, wrap_angle(start.robot_yaw_rad), 0.0, 0.0)
     ball = (start.ball_x_m, start.ball_y_m, 0.0, 0.0)
@@ -83,12 +83,12 @@ def instruct(
 ) -> list[Demonstration]:
     """`count` demonstrations of a behavior by its scripted instructor, each of at most `steps` steps.
 
-    The same arguments give the same demonstrations. `progress` is called with the number of those made.
-    Raises BadInput for a behavior without an instructor or with one that can't answer, or a number out of range.
+    The same arguments give the same demonstrations. `progress` is called with the number made so far.
+    Raises BadInput for a behavior without an instructor or with one that fails, or a number out of range.
     """
     law, sense = instructor_of(behavior), observation_of(behavior).sense
     if law is observation_of(behavior).instructor:
-        law = _examined(law, behavior)
+        law = _guard(law, behavior)
     _check("demonstrations", count, 1)
     _check("steps", steps, 1)
     loop = WorldLoop(simulation_of(behavior))
@@ -108,11 +108,11 @@ def instruct(
     return made
 
 
-def _examined(law: Law, behavior: str) -> Law:
-    """A law of the user's own, whose errors are told in one line."""
+def _guard(law: Law, behavior: str) -> Law:
+    """A law of the user's own, with its errors reported in one line."""
 
     def answer(observed: Sequence[float]) -> tuple[float, float]:
-        asked = f"the instructor of behavior '{behavior}', asked with ({', '.join(f'{x:g}' for x in observed)}),"
+        call = f"the instructor of behavior '{behavior}', called with ({', '.join(f'{x:g}' for x in observed)}),"
         try:
             left, right = law(observed)
             if isfinite(left + right):
@@ -120,9 +120,9 @@ def _examined(law: Law, behavior: str) -> Law:
         except Exception as error:  # whatever a foreign function raises
             reason = " ".join(str(error).split())
             raise BadInput(
-                f"{asked} fails ({type(error).__name__}: {reason}); it has to give left, right [rad/s]"
+                f"{call} fails ({type(error).__name__}: {reason}); it must return left, right [rad/s]"
             ) from None
-        raise BadInput(f"{asked} gives {left}, {right}; wheel velocities are finite numbers [rad/s]")
+        raise BadInput(f"{call} returns {left}, {right}; wheel velocities must be finite [rad/s]")
 
     return answer
 

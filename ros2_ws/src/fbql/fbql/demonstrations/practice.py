@@ -1,4 +1,4 @@
-"""Where the leaves of a tree are tuned, and where a tree is measured: the simulator, begun as the behavior needs it."""
+"""The simulator as an environment in which the leaves of a tree are tuned, and trees are measured."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from fbql_sim.core.world_loop import WorldLoop
 from fbql.demonstrations.instruct import ANYWHERE, CLEAR_OF_BALL_M
 
 STARTS = {"approaching": replace(ANYWHERE, start_ball_jitter_m=0.05)}
-"""Starts of the behaviors that need others than `ANYWHERE`: behind a ball at a wall there is no place to stand."""
+"""Starts of behaviors that need other ones than `ANYWHERE`: there is no room behind a ball at a wall."""
 MEASURING = 1
-"""What keeps the seeds of measuring apart from those of tuning."""
+"""Keeps the seeds of measuring apart from those of tuning."""
 
 
 class PracticeGround:
-    """The simulator as an `Environment`: episodes begin all over the field, the robot clear of the ball."""
+    """The simulator as an `Environment`: episodes begin all over the field, with the robot clear of the ball."""
 
     def __init__(self, behavior: str) -> None:
         self._loop = WorldLoop(STARTS.get(behavior, ANYWHERE))
@@ -29,7 +29,7 @@ class PracticeGround:
         self.step: Callable[[float, float], World] = self._loop.step
 
     def reset(self, seed: int) -> World:
-        """The first world of the episode of a seed: of the first start in its sequence that is clear of the ball."""
+        """The first world of a seed's episode: the first start of its sequence that is clear of the ball."""
         rng = np.random.default_rng(seed)
         while True:
             world = self._loop.reset(0, int(rng.integers(2**63)))
@@ -38,11 +38,11 @@ class PracticeGround:
 
 
 def measuring_seeds(seed: int, episodes: int) -> list[int]:
-    """Seeds of the episodes that trees are measured on. `tune` draws others, whatever seed it is given."""
+    """Seeds of the episodes that trees are measured on. `tune` draws different ones, whatever its seed."""
     words = np.random.SeedSequence([seed, MEASURING]).generate_state(episodes, np.uint64)
     return [int(word >> np.uint64(1)) for word in words]
 
 
 def measure(tree: Tree, exercise: Exercise, ground: PracticeGround, seeds: Sequence[int]) -> list[Attempt]:
-    """Drives the episodes of these seeds; the same seed is the same start, whatever the tree."""
+    """Drives the episodes of these seeds; a seed gives the same start for every tree."""
     return [drive(tree, exercise, ground, seed) for seed in seeds]

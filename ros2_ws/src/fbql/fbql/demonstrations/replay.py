@@ -15,23 +15,23 @@ from fbql.demonstrations.origins import origins_of
 
 
 @dataclass(frozen=True)
-class Verification:
-    """What driving again came to."""
+class DemonstrationReplay:
+    """The result of driving demonstrations again."""
 
     steps: int = 0
-    """Steps that are the same bit for bit, up to the first that is not."""
+    """Steps that are identical bit for bit, up to the first difference."""
     first_difference: str | None = None
     without_start: int = 0
-    """Demonstrations that can't be driven again, because the recording does not say how their world began."""
+    """Demonstrations that can't be driven again, because the recording does not name their start."""
 
     @property
     def identical(self) -> bool:
-        """Whether every demonstration was driven again, and every step was the same."""
+        """Whether every demonstration was driven again and every step was identical."""
         return self.first_difference is None and self.without_start == 0
 
 
-def verify(recordings: Sequence[Recording]) -> Verification:
-    """Drives every demonstration again, from its start, until the first difference. Raises BadInput."""
+def verify(recordings: Sequence[Recording]) -> DemonstrationReplay:
+    """Drives every demonstration again from its start, up to the first difference. Raises BadInput."""
     steps = without_start = 0
     for recording in recordings:
         starts = _starts(recording)
@@ -44,8 +44,10 @@ def verify(recordings: Sequence[Recording]) -> Verification:
             same, difference = _drive_again(demonstration, loop, seed)
             steps += same
             if difference is not None:
-                return Verification(steps, f"{recording.file}: demonstration {episode}, {difference}", without_start)
-    return Verification(steps, None, without_start)
+                return DemonstrationReplay(
+                    steps, f"{recording.file}: demonstration {episode}, {difference}", without_start
+                )
+    return DemonstrationReplay(steps, None, without_start)
 
 
 def _starts(recording: Recording) -> Mapping[int, tuple[WorldLoop, int]]:
@@ -58,15 +60,15 @@ def _starts(recording: Recording) -> Mapping[int, tuple[WorldLoop, int]]:
 
 
 def _drive_again(demonstration: Demonstration, loop: WorldLoop, seed: int) -> tuple[int, str | None]:
-    """How many steps are the same, and the first difference in words."""
+    """How many steps are identical, and the first difference in words."""
     world = loop.reset(0, seed)
     for count, (recorded, command) in enumerate(zip(demonstration.worlds, demonstration.commands, strict=True)):
-        # The same moment bears another number and another time when it is driven again.
+        # Episode number and time differ when the same moment is driven again.
         again = world._replace(stamp_ns=recorded.stamp_ns, episode=recorded.episode)
         if encode_world(again) != encode_world(recorded):
             return count, f"step {recorded.step}: {_first_difference(recorded, again)}"
         if world.ended:
-            return count, f"step {recorded.step}: the episode has ended, and the recording goes on"
+            return count, f"step {recorded.step}: the episode has ended, but the recording continues"
         world = loop.step(command.left_rad_s, command.right_rad_s)
     return len(demonstration.worlds), None
 

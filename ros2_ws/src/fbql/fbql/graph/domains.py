@@ -1,4 +1,4 @@
-"""The ROS domain of a command: the one in ROS_DOMAIN_ID, or a free one."""
+"""Which ROS_DOMAIN_ID a command works in: the one that the user sets, else a free one."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import domain_coordinator
 from fbql_common.core.errors import BadInput
 
 MAX_DOMAIN_ID = 232
-"""The last domain whose ports exist."""
+"""The highest domain that has ports."""
 _COORDINATED = range(1, 101)
 """The domains that domain_coordinator hands out."""
 
 
 def domain_from() -> int | None:
-    """The domain that ROS_DOMAIN_ID names, None where it is not set. Raises BadInput for one that can't be."""
+    """The domain that ROS_DOMAIN_ID names; None if it is not set. Raises BadInput for an impossible one."""
     text = os.environ.get("ROS_DOMAIN_ID", "")
     if not text:
         return None
@@ -30,12 +30,12 @@ def domain_from() -> int | None:
 
 @contextmanager
 def free_domain() -> Generator[int]:
-    """A domain that nobody on this machine uses, reserved meanwhile. Raises BadInput when there is none."""
+    """A domain that nobody on this machine uses, reserved until the end. Raises BadInput if there is none."""
     try:
         domain = domain_coordinator.domain_id(_quiet_domains())
         number = domain.__enter__()
     except RuntimeError:
-        raise BadInput("every domain from 1 to 100 is in use here; set ROS_DOMAIN_ID") from None
+        raise BadInput("every domain from 1 to 100 is in use on this machine; set ROS_DOMAIN_ID") from None
     try:
         yield number
     finally:

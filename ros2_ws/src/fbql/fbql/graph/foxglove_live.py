@@ -1,7 +1,7 @@
-"""The graph live in Foxglove: what its topics carry, byte for byte, on a websocket of this machine.
+"""The graph live in Foxglove: the messages of its topics, byte for byte, on a websocket of this machine.
 
-It needs foxglove-sdk, an optional extra: requirements-foxglove.txt. Nothing of the graph depends on it: a client that is
-slow, or gone, loses messages and stops nobody.
+It needs foxglove-sdk, an optional extra: requirements-foxglove.txt. Nothing in the graph depends on it: a client that is
+slow, or gone, loses messages and holds nobody up.
 """
 
 from __future__ import annotations
@@ -72,12 +72,12 @@ class FoxgloveLive:
         return f"ws://{HOST}:{self._server.port}"
 
     def attach(self, observer: Observer, behaviors: Sequence[str]) -> None:
-        """Serves from now on what the observer hears."""
+        """From now on serves what the observer receives."""
         for topic, kind in topics_of(behaviors).items():
             observer.hear(kind, topic, STEP_QOS, self._channel(topic, kind))
 
     def _channel(self, topic: str, kind: type[Any]) -> Callable[[bytes], None]:
-        """What sends a message of a topic to whoever asked for it."""
+        """The function that sends a message of a topic to its subscribers."""
         package = kind.__module__.partition(".")[0]
         name = f"{package}/msg/{kind.__name__}"
         text = schema_text(name, lambda each: Path(get_package_share_directory(each)))

@@ -12,7 +12,7 @@ from fbql_sim.simulator_node import SimulatorNode
 
 
 def main(argv: list[str]) -> int:
-    """Runs simulator, the named behaviors and fusion until fusion is done."""
+    """Runs the simulator, the named behaviors and fusion until fusion is done. Returns the exit code."""
     split = argv.index("--ros-args") if "--ros-args" in argv else len(argv)
     behaviors = [partial(BehaviorNode, name) for name in argv[:split]]
     return spin([SimulatorNode, *behaviors, FusionNode], [sys.argv[0], *argv[split:]])

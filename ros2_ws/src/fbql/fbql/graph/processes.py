@@ -1,4 +1,4 @@
-"""Processes of the graph: each in a session of its own, bound to the launcher's life, its output in a file."""
+"""Processes of the graph: each leads its own session, ends with the launcher, and writes its output to a file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _TAIL_LINES = 15
 PATIENCE_S = (1.0, 3.0)
-"""How long SIGINT and then SIGTERM are given before the next, harder signal [s].
+"""How long a process may take to end after SIGINT, and then after SIGTERM, before the next signal is sent [s].
 
 Our nodes end in the same way on both. One that is just starting may lose a SIGINT, but no SIGTERM.
 """
@@ -36,7 +36,7 @@ class NodeProcess:
         return self.popen.poll()
 
     def send(self, number: signal.Signals) -> None:
-        """Signals its whole process group. A process that is gone is no error."""
+        """Signals its whole process group; a process that is gone is ignored."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.popen.pid, number)
 
@@ -52,12 +52,12 @@ class NodeProcess:
 
 
 def start(name: str, command: Sequence[str], environment: dict[str, str], log_directory: Path) -> NodeProcess:
-    """Starts a process that leads a session of its own and gets SIGTERM when the launcher dies, however it dies.
+    """Starts a process that leads its own session and gets SIGTERM when the launcher dies, in whatever way.
 
     Must be called from the main thread: the kernel binds the child to the thread that made it.
 
     Raises:
-        OSError: it can't be started, or its output can't be kept.
+        OSError: it can't be started, or its log file can't be written.
     """
     log_file = log_directory / f"{name}.log"
     launcher = os.getpid()
@@ -81,10 +81,7 @@ def start(name: str, command: Sequence[str], environment: dict[str, str], log_di
 
 
 def stop(processes: Sequence[NodeProcess]) -> list[str]:
-    """Ends processes: SIGINT, then SIGTERM, then SIGKILL; names those that had to be killed.
-
-    Only processes that were started here are touched. Takes at most the sum of PATIENCE_S.
-    """
+    """Ends processes by SIGINT, then SIGTERM, then SIGKILL, within the sum of PATIENCE_S. Returns the names of those killed."""
     for number, patience_s in zip((signal.SIGINT, signal.SIGTERM), PATIENCE_S, strict=True):
         running = [process for process in processes if process.exit_code is None]
         for process in running:

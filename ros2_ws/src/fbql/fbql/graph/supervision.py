@@ -1,4 +1,4 @@
-"""Watches over a graph from its start to its end: a domain of its own, the start barrier, who dies, who asks for the end."""
+"""Supervises a graph from start to end: its domain, the start barrier, nodes that die, signals that ask it to end."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import signal
 from collections.abc import Mapping, Sequence
 from contextlib import closing, nullcontext
+from functools import partial
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
@@ -13,49 +14,51 @@ from fbql_common.core.errors import BadInput
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.panel import Panel
-from fbql.graph import graph
+from fbql.cli.output import LiveLine
+from fbql.graph import launch
 from fbql.graph.domains import free_domain
 from fbql.graph.observer import Observer
 from fbql.graph.processes import NodeProcess, start, stop
 from fbql.match.options import Match
+from fbql.match.result import status_line
 
 if TYPE_CHECKING:  # it takes message packages that a bring-up without it need not load
     from fbql.graph.foxglove_live import FoxgloveLive
 
 BEFORE_THE_MATCH = "the match had not begun"
 _LOOK_S = 0.05
+"""How long to take in messages between two looks at the processes [s]."""
 _DISCOVERY_S = 3.0
-"""Within this every participant of a domain announces itself again [s]."""
-_WORDS_S = 3.0
+"""Every participant of a domain announces itself again within this time [s]."""
+_FIRST_OUTPUT_S = 3.0
 
 
-class Failure(Exception):
-    """The graph did not do its job; the text says what happened."""
+class GraphFailed(Exception):
+    """The graph failed; the text says how."""
 
 
 class Supervision:
     """One graph from its start to its end.
 
     Args:
-        domain_id: None for a free one, which is held while the graph runs.
-        start_timeout_s: within this every node and topic must be there.
+        domain_id: None for a free one, which is reserved while the graph runs.
+        start_timeout_s: how long every node and topic may take to appear [s].
         live: where people watch, if they do.
     """
 
     def __init__(
         self,
-        mode: graph.Mode,
+        mode: launch.Mode,
         domain_id: int | None,
         start_timeout_s: float,
-        panel: Panel,
+        line: LiveLine,
         interrupts: Interrupts,
         live: FoxgloveLive | None = None,
     ) -> None:
         self._mode = mode
         self._domain_id = domain_id
         self._start_timeout_s = start_timeout_s
-        self._panel = panel
+        self._line = line
         self._interrupts = interrupts
         self._live = live
         self._started: list[NodeProcess] = []
@@ -64,7 +67,7 @@ class Supervision:
         """Plays the match in its run directory; every process has ended when this returns or raises.
 
         Returns:
-            0 when fusion ended well or a signal asked for the end, 1 on a failure, 3 when fusion could not record all.
+            0 when fusion ended well or a signal asked for the end, 1 on a failure, 3 when the recording is incomplete.
 
         Raises:
             BadInput: refused before any process was started.
@@ -76,28 +79,28 @@ class Supervision:
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
             if self._domain_id is not None:
                 self._refuse_twins(match, domain_id)
-            commands = graph.commands(match, self._mode, graph.write_parameters(match, self._mode))
+            commands = launch.commands(match, self._mode, launch.write_parameters(match, self._mode))
             self._interrupts.check(BEFORE_THE_MATCH)
-            names = graph.node_names(match)
-            how = "a process each" if self._mode.processes == "many" else "all in one process"
-            self._panel.say(f"bringing up {len(names)} nodes, {how}, in ROS_DOMAIN_ID={domain_id}")
+            names = launch.node_names(match)
+            how = "one process each" if self._mode.processes == "many" else "all in one process"
+            self._line.say(f"bringing up {len(names)} nodes, {how}, in ROS_DOMAIN_ID={domain_id}")
             code = DONE
             try:
                 self._start(commands, match, {**os.environ, "ROS_DOMAIN_ID": str(domain_id)})
-                self._wait_for_words()
+                self._wait_for_output()
                 with closing(Observer(domain_id)) as observer:
                     if self._live is not None:
                         self._live.attach(observer, list(match.behaviors))
                     self._wait_for_graph(observer, match)
                     self._watch(observer)
-            except Failure as failure:
-                self._panel.say(f"{failure}")
+            except GraphFailed as failure:
+                self._line.complain(failure)
                 code = FAILED
             finally:
                 killed = stop(self._started)
-                self._panel.close()
+                self._line.close()
         if killed:
-            self._panel.say(f"did not end in time and had to be killed: {', '.join(killed)}")
+            self._line.complain(f"did not end in time and had to be killed: {', '.join(killed)}")
             code = FAILED
         completeness = self._completeness()
         return code or completeness
@@ -107,38 +110,38 @@ class Supervision:
             try:
                 self._started.append(start(name, command, environment, match.out / "log"))
             except OSError as error:
-                raise Failure(f"'{name}' can't be started: {command[0]}: {error.strerror}") from None
+                raise GraphFailed(f"'{name}' can't be started: {command[0]}: {error.strerror}") from None
 
     def _completeness(self) -> int:
-        """Says it when fusion could not record everything. The files that say so may be missing for the same reason."""
+        """Reports it if fusion could not record everything: the files that say so may be missing for the same reason."""
         if not self._started or self._started[-1].exit_code != INCOMPLETE:
             return DONE
         fusion = self._started[-1]
         reasons = fusion.errors() or [f"see {fusion.log_file}"]
-        self._panel.say(f"the recording is incomplete: {'; '.join(reasons)}")
+        self._line.complain(f"the recording is incomplete: {'; '.join(reasons)}")
         return INCOMPLETE
 
     def _refuse_twins(self, match: Match, domain_id: int) -> None:
-        """Two nodes of one name break a graph in ways that are hard to see. A free domain can't have them."""
+        """Two nodes of one name break a graph in ways that are hard to see. A free domain has none."""
         deadline = monotonic() + _DISCOVERY_S
         twins: list[str] = []
         with closing(Observer(domain_id)) as observer:
             while not (twins or self._interrupts.came or monotonic() > deadline):
                 observer.look(_LOOK_S)
-                twins = sorted(set(observer.nodes()) & set(graph.node_names(match)))
+                twins = sorted(set(observer.nodes()) & set(launch.node_names(match)))
         if twins:
             raise BadInput(
                 f"node '{twins[0]}' runs already in ROS_DOMAIN_ID={domain_id}; "
                 "end it, or unset ROS_DOMAIN_ID to get a free domain"
             )
 
-    def _wait_for_words(self) -> None:
-        """Until every process has said something, for a moment: then it is in the graph, or about to be.
+    def _wait_for_output(self) -> None:
+        """Waits until every process has printed something: then it is in the graph, or about to join.
 
-        Whoever joins a domain announces itself several times at first, and is asked for once only later, so that an
-        observer that joins before the nodes often finds them with the next periodic announcement, 3 s late.
+        A participant announces itself several times when it joins a domain, and only every 3 s later on: an observer
+        that joins before the nodes often finds them 3 s late.
         """
-        deadline = monotonic() + _WORDS_S
+        deadline = monotonic() + _FIRST_OUTPUT_S
         while not self._interrupts.came and monotonic() < deadline:
             self._fail_on_exit()
             if all(process.log_file.stat().st_size for process in self._started):
@@ -146,28 +149,28 @@ class Supervision:
             sleep(_LOOK_S)
 
     def _wait_for_graph(self, observer: Observer, match: Match) -> None:
-        """The start barrier: until every node and topic is there. Fusion itself waits for its inputs meanwhile."""
+        """The start barrier: waits until every node and topic is there, while fusion waits for its inputs."""
         deadline = monotonic() + self._start_timeout_s
-        names = graph.node_names(match)
+        names = launch.node_names(match)
         while not self._interrupts.came:
             observer.look(_LOOK_S)
             self._fail_on_exit()
-            # A short match may be over before anybody saw all of it.
+            # A short match may be over before all of it was seen.
             if observer.status or self._started[-1].exit_code is not None:
                 return
             missing = observer.missing(names, list(match.behaviors))
             if not missing:
                 return
             if monotonic() > deadline:
-                raise Failure(f"after {self._start_timeout_s:g} s the graph still lacks {', '.join(missing)}")
+                raise GraphFailed(f"after {self._start_timeout_s:g} s the graph still lacks {', '.join(missing)}")
 
     def _watch(self, observer: Observer) -> None:
-        """Until fusion has ended, or a signal asks for the end."""
+        """Waits until fusion has ended, or a signal asks for the end."""
         fusion = self._started[-1]
         while not self._interrupts.came:
             observer.look(_LOOK_S)
             if observer.status:
-                self._panel.show(observer.status)
+                self._line.show(partial(status_line, observer.status))
             if fusion.exit_code in (DONE, INCOMPLETE):
                 return
             self._fail_on_exit()
@@ -179,4 +182,4 @@ class Supervision:
                 continue
             what = f"node '{process.name}'" if self._mode.processes == "many" else "the process of all nodes"
             how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
-            raise Failure(f"{what} {how}; its output ({process.log_file}):\n{process.tail()}")
+            raise GraphFailed(f"{what} {how}; its output ({process.log_file}):\n{process.tail()}")

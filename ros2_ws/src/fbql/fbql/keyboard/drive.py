@@ -1,28 +1,39 @@
-"""The loop in which a person drives: keys in, commands out, world states back, and a picture of it all."""
+"""A person demonstrates at the keyboard: sets up the graph, runs the loop (keys in, commands out, a picture), saves it all."""
 
 from __future__ import annotations
 
+import os
+import sys
+import tempfile
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from time import monotonic
+from typing import NamedTuple
 
-from fbql_behaviors.core.observation import Observation
+from fbql_behaviors.core.observation import Observation, observation_of
+from fbql_behaviors.core.recipes import recipe_of
 from fbql_common.core.types import World
+from fbql_common.spin import refuse_security
 
 from fbql.cli.interrupts import Interrupts
-from fbql.keyboard.driving import Driving
+from fbql.cli.output import complain, say
+from fbql.demonstrations.instruct import simulation_of, starts
+from fbql.graph.domains import domain_from, free_domain
 from fbql.keyboard.live import LiveSimulator
 from fbql.keyboard.page import PICTURE_S, driving_side, page
-from fbql.keyboard.safekeeping import Safekeeping
-from fbql.keyboard.sitting import Sitting
+from fbql.keyboard.sitting import Kept, Safekeeping, Sitting
+from fbql.keyboard.steering import Steering
 from fbql.terminal.keys import DRIVING, Key
-from fbql.terminal.screen import Terminal
+from fbql.terminal.screen import Screen
 
 LOOK_S = 1 / 60
-"""Keys are taken in at least so often [s]."""
+"""Longest time between two looks at the keys [s]."""
 _SHORTEST_LOOK_S = 0.0005
 
 
 class Drive:
-    """One sitting at the terminal.
+    """The loop of one sitting.
 
     Args:
         step_s: duration of a step of the world [s].
@@ -35,7 +46,7 @@ class Drive:
         observation: Observation,
         sitting: Sitting,
         safekeeping: Safekeeping,
-        terminal: Terminal,
+        screen: Screen,
         interrupts: Interrupts,
         step_s: float,
         realtime: float,
@@ -44,11 +55,11 @@ class Drive:
         self._observation = observation
         self._sitting = sitting
         self._safekeeping = safekeeping
-        self._terminal = terminal
+        self._screen = screen
         self._interrupts = interrupts
         self._step_s = step_s
         self._period_s = step_s / realtime
-        self._driving = Driving()
+        self._steering = Steering()
         self._world: World | None = None
         self._late: World | None = None
         self._asked = -1
@@ -67,14 +78,14 @@ class Drive:
             self._late = world
 
     def run(self, live: LiveSimulator) -> str | None:
-        """Drives until the person has finished, a signal came, or the terminal was closed. Gives what went wrong."""
-        while not (self._finished or self._interrupts.came or self._terminal.gone):
+        """Drives until the person has finished, a signal came, or the terminal was closed. Returns what went wrong, if anything."""
+        while not (self._finished or self._interrupts.came or self._screen.gone):
             if problem := live.problem():
                 return problem
             now_s = monotonic()
-            if self._terminal.stopped():
-                self._driving.stop()
-            for key in self._terminal.pressed():
+            if self._screen.stopped():
+                self._steering.stop()
+            for key in self._screen.pressed():
                 self._take(key, now_s)
             if live.ready and self._asked != self._sitting.episode:
                 self._begin(live)
@@ -85,7 +96,7 @@ class Drive:
         return None
 
     def _pause_s(self) -> float:
-        """How long to look for what comes: until the next step is due, if there is one to come."""
+        """How long to take in messages: until the next step is due, if there is one."""
         if not self._sitting.begun or self._world is None or self._world.ended:
             return LOOK_S
         return min(max(self._due_s - monotonic(), _SHORTEST_LOOK_S), LOOK_S)
@@ -98,7 +109,7 @@ class Drive:
         live.begin(self._asked, self._sitting.seed)
 
     def _answer(self, live: LiveSimulator, now_s: float) -> None:
-        """Sends the next command when it is due, and again the command of a world state that came again."""
+        """Sends the next command when it is due, and repeats the command of a world state that came again."""
         if self._late is not None:
             command = self._sitting.answered(self._late)
             self._late = None
@@ -106,14 +117,14 @@ class Drive:
                 live.send(command)
         if self._world is None or now_s < self._due_s or not self._sitting.awaits(self._world):
             return
-        live.send(self._sitting.drive(self._world, *self._driving.command(now_s)))
-        # Time that was lost is not caught up with: the world would rush.
+        live.send(self._sitting.drive(self._world, *self._steering.command(now_s)))
+        # Lost time is not made up for: the world would rush.
         self._due_s = max(self._due_s + self._period_s, now_s)
 
     def _take(self, key: Key, now_s: float) -> None:
         if key in DRIVING:
             if self._asked == self._sitting.episode:
-                self._driving.press(key, now_s)
+                self._steering.press(key, now_s)
                 self._sitting.begun = True
         elif key is Key.NEXT:
             self._next()
@@ -123,19 +134,19 @@ class Drive:
             self._finished = True
 
     def _next(self) -> None:
-        self._driving.stop()
+        self._steering.stop()
         demonstration = self._sitting.next()
         if demonstration is None:
             self._message = "another start"
             return
         self._message = f"kept demonstration {len(self._sitting.kept)}: {len(demonstration.worlds)} steps"
         if self._sitting.patterns >= self._sitting.wanted:
-            self._message += "; these are all the patterns a tree is made from"
+            self._message += "; a tree needs no more patterns than these"
         if trouble := self._safekeeping.keep(self._sitting.kept[-1]):
             self._message = trouble
 
     def _undo(self) -> None:
-        self._driving.stop()
+        self._steering.stop()
         dropped_kept = self._sitting.undo()
         if dropped_kept is None:
             self._message = "there is nothing to drop"
@@ -147,16 +158,80 @@ class Drive:
 
     def _draw(self, now_s: float) -> None:
         self._drawn_s = now_s
-        ascii_only = self._terminal.ascii_only
+        ascii_only = self._screen.ascii_only
         side = driving_side(
             self._behavior,
             self._observation,
             self._sitting,
-            self._driving,
+            self._steering,
             self._world,
             now_s,
             self._step_s,
             ascii_only,
         )
-        columns, rows = self._terminal.size
-        self._terminal.show(page(self._world, side, self._message, columns, rows, ascii_only))
+        columns, rows = self._screen.size
+        self._screen.show(page(self._world, side, self._message, columns, rows, ascii_only))
+
+
+class SittingResult(NamedTuple):
+    """The outcome of a sitting."""
+
+    kept: list[Kept]
+    well: bool
+    """Whether nothing went wrong; errors are reported already."""
+
+
+def demonstrate_by_keyboard(
+    behavior: str, seed: int, realtime: float, out: Path, ascii_only: bool, interrupts: Interrupts
+) -> SittingResult:
+    """A person demonstrates; what was kept is in `out` when this returns.
+
+    Raises BadInput before anybody has driven, and then leaves nothing behind.
+    """
+    observation, recipe, simulation = observation_of(behavior), recipe_of(behavior), simulation_of(behavior)
+    refuse_security()
+    given_domain = domain_from()
+    screen = Screen(ascii_only)
+    sitting = Sitting((start for start, _ in starts(behavior, seed)), recipe.every, recipe.patterns)
+    safekeeping = Safekeeping(out, behavior, simulation, {"seed": seed, "realtime": realtime})
+    drive = Drive(behavior, observation, sitting, safekeeping, screen, interrupts, simulation.dt_s, realtime)
+    written, problem = False, None
+    with ExitStack() as closing:
+        domain = closing.enter_context(free_domain()) if given_domain is None else given_domain
+        log_directory = Path(closing.enter_context(tempfile.TemporaryDirectory(prefix="fbql-demonstrate-")))
+        os.environ["ROS_LOG_DIR"] = str(log_directory)
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        closing.enter_context(_stderr_to(log_directory / "instructor.log"))
+        shared = given_domain is not None
+        live = LiveSimulator(simulation, domain, shared, dict(os.environ), log_directory, drive.deliver)
+        closing.enter_context(live)
+        safekeeping.open()
+        try:
+            with screen:
+                problem = drive.run(live)
+        finally:
+            # However the driving ended: first of all, what was demonstrated is written.
+            sitting.keep()
+            written = safekeeping.finish(sitting.kept, complain)
+    if problem:
+        complain(problem)
+    if interrupts.came and sitting.kept and written:
+        complain(f"ended by {interrupts.name}; what was demonstrated until then is written")
+    return SittingResult(sitting.kept, written and problem is None)
+
+
+@contextmanager
+def _stderr_to(file: Path) -> Generator[None]:
+    """Redirects stderr, which would be printed into the picture, to a file; prints it afterwards."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    with file.open("wb") as stream:
+        os.dup2(stream.fileno(), 2)
+    try:
+        yield
+    finally:
+        sys.stderr.flush()
+        os.dup2(kept, 2)
+        os.close(kept)
+        if text := file.read_text(errors="replace"):
+            say(text.rstrip())

@@ -1,9 +1,9 @@
 """The simulator as a process of the graph, and the node `instructor` that drives it.
 
-The simulator is in lockstep: it steps when the command for this very step comes, and we send one command after the other
-on a steady clock. So it is real time for whoever drives or watches, a command belongs to exactly the world state it
-answers, and driving again with the same commands gives the same worlds bit for bit. A simulator with a clock of its own
-would use whatever command came last, which nobody could tell afterwards.
+The simulator runs in lockstep: it steps when the command for that step arrives, and commands are sent on a steady clock.
+So it is real time for whoever drives or watches, each command belongs to exactly one world state, and the same commands
+give the same worlds again, bit for bit. A simulator with its own clock would use whichever command came last, which could
+not be known afterwards.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from pathlib import Path
 from time import monotonic
 from types import TracebackType
 
-import rclpy
 import yaml
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import WheelCommand, World
@@ -25,11 +24,10 @@ from fbql_common.wire import decode_world, encode_command
 from fbql_msgs.msg import WheelCommand as WheelCommandMsg
 from fbql_msgs.srv import ResetEpisode
 from fbql_sim.core.parameters import SimulationParameters
-from rclpy.experimental import EventsExecutor
-from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from fbql.graph.graph import executable
+from fbql.graph.launch import executable
+from fbql.graph.observer import CommandNode
 from fbql.graph.processes import start, stop
 
 SIMULATOR = "simulator"
@@ -39,17 +37,17 @@ PATIENCE_S = 20.0
 
 
 class LiveSimulator:
-    """A simulator that runs between `with` and its end.
+    """A simulator that runs between `with` and its end, and the node that drives it.
 
-    `with` raises BadInput when another one runs there, or it can't be started.
+    `with` raises BadInput when another simulator runs in the domain, or this one can't be started.
 
     Args:
         parameters: of the world.
-        domain_id: where the graph is.
+        domain_id: of the graph.
+        shared: whether the domain may hold nodes of others.
         environment: of the simulator's process.
-        shared: whether the domain may hold others' nodes.
-        log_directory: for what the simulator prints, and for its parameter file.
-        deliver: called with every world state, which comes again when no command follows.
+        log_directory: for the simulator's output and its parameter file.
+        deliver: called with every world state; one comes again when no command follows.
     """
 
     def __init__(
@@ -74,36 +72,25 @@ class LiveSimulator:
         self._refusal: str | None = None
 
     def __enter__(self) -> LiveSimulator:
-        self._context = rclpy.Context()
-        rclpy.init(
-            args=[], context=self._context, domain_id=self._domain_id, signal_handler_options=SignalHandlerOptions.NO
-        )
-        self._node = rclpy.create_node("instructor", context=self._context, use_global_arguments=False)
-        self._executor = EventsExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._commands = self._node.create_publisher(WheelCommandMsg, WHEEL_COMMAND, STEP_QOS)
-        self._input = Input(self._node, World, WORLD, decode_world, lambda world, _: self._deliver(world), STEP_QOS)
-        self._client = self._node.create_client(ResetEpisode, RESET_EPISODE)
+        self._instructor = CommandNode("instructor", self._domain_id)
+        self.look = self._instructor.look
+        node = self._instructor.node
+        self._commands = node.create_publisher(WheelCommandMsg, WHEEL_COMMAND, STEP_QOS)
+        self._input = Input(node, World, WORLD, decode_world, lambda world, _: self._deliver(world), STEP_QOS)
+        self._client = node.create_client(ResetEpisode, RESET_EPISODE)
         if self._shared:
             self._refuse_twin()
         try:
             self._process = start(SIMULATOR, self._command, self._environment, self._log_directory)
         except OSError as error:
-            self._leave()
+            self._instructor.close()
             raise BadInput(f"the simulator cannot be started: {self._command[0]}: {error.strerror}") from None
         self._started_s = monotonic()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
         stop([self._process])
-        self._leave()
-
-    def look(self, duration_s: float) -> None:
-        """Takes in what comes for this long."""
-        deadline = monotonic() + duration_s
-        while (left_s := deadline - monotonic()) > 0:
-            # A future of its own: the executor leaves a callback in it each time.
-            self._executor.spin_until_future_complete(Future(), timeout_sec=left_s)
+        self._instructor.close()
 
     @property
     def ready(self) -> bool:
@@ -115,23 +102,23 @@ class LiveSimulator:
         )
 
     def begin(self, episode: int, seed: int) -> None:
-        """Asks for an episode; its world states are delivered when it has begun."""
+        """Asks for an episode, whose world states are then delivered."""
         self._reset = self._client.call_async(ResetEpisode.Request(episode=int(episode), seed=int(seed)))
         self._reset.add_done_callback(self._on_answer)
         self._reset_s = monotonic()
 
     def send(self, command: WheelCommand) -> None:
-        """Sends a command, upon which the world steps."""
+        """Sends a command; the world then steps."""
         self._commands.publish(encode_command(command))
 
     def problem(self) -> str | None:
-        """Why it does not go on; None while all is well."""
+        """What is wrong; None while all is well."""
         code = self._process.exit_code
         if code is not None:
             how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
             return f"the simulator {how}; its output:\n{self._process.tail()}"
         if self._refusal is not None:
-            return f"the simulator did not begin an episode: {self._refusal}"
+            return f"the simulator refused to begin an episode: {self._refusal}"
         if not self.ready and monotonic() - self._started_s > PATIENCE_S:
             return f"after {PATIENCE_S:g} s the simulator is not connected; its output:\n{self._process.tail()}"
         if self._reset is not None and not self._reset.done() and monotonic() - self._reset_s > PATIENCE_S:
@@ -141,16 +128,12 @@ class LiveSimulator:
     def _refuse_twin(self) -> None:
         """Two simulators in one graph would both step. Raises BadInput."""
         self.look(_DISCOVERY_S)
-        if self._input.publishers() > 0 or SIMULATOR in self._node.get_node_names():
-            self._leave()
+        if self._input.publishers() > 0 or SIMULATOR in self._instructor.node.get_node_names():
+            self._instructor.close()
             raise BadInput(
                 f"a simulator runs already in ROS_DOMAIN_ID={self._domain_id}; "
                 "end it, or unset ROS_DOMAIN_ID to get a free domain"
             )
-
-    def _leave(self) -> None:
-        self._node.destroy_node()
-        self._context.try_shutdown()
 
     def _on_answer(self, answer: Future) -> None:
         response = answer.result()

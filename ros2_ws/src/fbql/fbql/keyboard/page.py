@@ -1,4 +1,4 @@
-"""What the screen shows, as lines of characters: the field on the left, beside it how it stands, a message below."""
+"""What the screen shows, as lines of characters: the field on the left, the status beside it, a message below."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from fbql_behaviors.core.quantizer import rad_s_of
 from fbql_common.core.field import WHEEL_RADIUS_M
 from fbql_common.core.types import WheelCommand, World
 
-from fbql.keyboard.driving import FASTEST_LEVEL, Driving
 from fbql.keyboard.picture import field_picture
 from fbql.keyboard.sitting import Sitting
-from fbql.terminal.lines import Line
+from fbql.keyboard.steering import FASTEST_LEVEL, Steering
+from fbql.terminal.screen import Line
 
 PICTURE_S = 1 / 20
-"""A page is shown so often [s]."""
+"""Time between two pages [s]."""
 SIDE_COLUMNS = 32
 LEAST_COLUMNS, LEAST_ROWS = 66, 23
 """Smaller than this there is no room for the picture beside the text."""
@@ -55,25 +55,23 @@ def driving_side(
     behavior: str,
     observation: Observation,
     sitting: Sitting,
-    driving: Driving,
+    steering: Steering,
     world: World | None,
     now_s: float,
     dt_s: float,
     ascii_only: bool,
 ) -> list[Line]:
-    """What stands beside the field while a person drives."""
+    """The status beside the field while a person drives."""
     number = len(sitting.kept) + 1
     if world is None:
         state = "..."
     elif world.ended:
-        state = (
-            "goal: n goes on" if world.goal else "own goal: n goes on" if world.own_goal else "time is up: n goes on"
-        )
+        state = "goal: press n" if world.goal else "own goal: press n" if world.own_goal else "time is up: press n"
     elif sitting.begun:
         state = f"{sitting.steps * dt_s:.1f} s, {sitting.steps} steps"
     else:
         state = "begins with your first key"
-    turn = driving.turn(now_s)
+    turn = steering.turn(now_s)
     way = "straight on" if turn == 0 else f"{'left' if turn > 0 else 'right'} {abs(turn)}"
     keys = [((ascii_key if ascii_only else key).ljust(6), text) for key, ascii_key, text in _DRIVING_KEYS]
     return [
@@ -85,7 +83,7 @@ def driving_side(
         [],
         *senses(observation, world),
         [],
-        [_field("speed", f"{_metres_per_second(driving.speed):+.2f} m/s ({driving.speed:+d} of {FASTEST_LEVEL})")],
+        [_field("speed", f"{_metres_per_second(steering.speed):+.2f} m/s ({steering.speed:+d} of {FASTEST_LEVEL})")],
         [_field("turn", way)],
         [],
         *([(key, STRONG), (text, "")] for key, text in keys),
@@ -100,8 +98,8 @@ def replay_side(
     world: World,
     command: WheelCommand,
 ) -> list[Line]:
-    """What stands beside the field while demonstrations are replayed."""
-    keys = (("n", "next one"), ("u", "the one before"), ("q", "enough"))
+    """The status beside the field while demonstrations are replayed."""
+    keys = (("n", "next one"), ("u", "the one before"), ("q", "quit"))
     return [
         [(behavior, STRONG)],
         [(f"demonstration {number} of {count}", "")],
@@ -117,7 +115,7 @@ def replay_side(
 
 
 def senses(observation: Observation, world: World | None) -> list[Line]:
-    """What the behavior senses, a line for each feature, with units; angles in degrees, too, where there is room."""
+    """What the behavior senses, one line per feature, with units; angles also in degrees where there is room."""
     values = [None] * len(observation.features) if world is None else observation.sense(world)
     lines: list[Line] = []
     for feature, value in zip(observation.features, values, strict=True):

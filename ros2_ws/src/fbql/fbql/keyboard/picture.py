@@ -1,8 +1,8 @@
 """The field from above as characters: walls, goals, the ball, the robot and where it is heading.
 
-In Unicode each character is a braille pattern, 2 x 4 dots that are square on usual fonts: at 80 x 24 a dot is 2.5 cm, so
-that the robot is a small square, the ball a speck, and a touch can be seen. In ASCII each character is one thing.
-Everything can be told apart by its shape; colour only helps.
+In Unicode each character is a braille pattern of 2 x 4 dots: at 80 x 24 characters a dot is 2.5 cm, so that the robot is a
+small square, the ball a speck, and contact can be seen. In ASCII each character is one thing. Everything differs in shape;
+colour only helps.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from fbql_common.core.field import BALL_RADIUS_M, FIELD, ROBOT_SIDE_M
 from fbql_common.core.types import World
 from fbql_sim.core.arena import HALF_GOAL, HALF_LENGTH, HALF_WIDTH, POCKET, SEGMENTS
 
-from fbql.terminal.lines import Line
+from fbql.terminal.screen import Line
 
 _Inside = Callable[[float, float], bool]
 """Whether a point of a body's own frame [m] belongs to it."""
 
 _NOTHING, _WALL, _OWN_GOAL, _GOAL, _RAY, _BALL, _ROBOT = range(7)
-"""What there is, the later covering the earlier."""
+"""Kinds of things; a later one covers an earlier one."""
 _STYLES = ("", "2", "34", "32", "36", "1;33", "1;36")
 _ASCII = " #[]*oR"
 _HEADINGS = ">/^\\</v\\"
@@ -66,7 +66,7 @@ class _Canvas:
         self._heading = 0
 
     def ball(self, world: World) -> None:
-        reach = BALL_RADIUS_M + 0.5 / self._right  # half a dot more: what is a speck already must not be lost
+        reach = BALL_RADIUS_M + 0.5 / self._right  # half a dot more: a speck must not vanish
         self._fill(world.ball_x_m, world.ball_y_m, reach, 0.0, _BALL, lambda u, v: hypot(u, v) <= reach)
 
     def robot(self, world: World) -> None:

@@ -13,31 +13,31 @@ from fbql_common.wire import NS
 from fbql.cli.interrupts import Interrupts
 from fbql.keyboard.page import PICTURE_S, page, replay_side
 from fbql.terminal.keys import Key
-from fbql.terminal.screen import Terminal
+from fbql.terminal.screen import Screen
 
 
 def show(recordings: Sequence[Recording], realtime: float, ascii_only: bool, interrupts: Interrupts) -> None:
-    """Shows all demonstrations one after the other, until the last is over, the person has seen enough, or a signal came.
+    """Shows all demonstrations one after another, until the last one ends, the person quits, or a signal comes.
 
-    Raises BadInput for a terminal that can't be drawn on, or a behavior that is not known.
+    Raises BadInput for a terminal that can't be drawn on, or an unknown behavior.
     """
     interrupts.install()
     parts = [(recording.behavior, part) for recording in recordings for part in recording.demonstrations]
     observation = observation_of(recordings[0].behavior)
-    with Terminal(ascii_only) as terminal:
+    with Screen(ascii_only) as screen:
         number, begun_s = 0, monotonic()
-        while 0 <= number < len(parts) and not (interrupts.came or terminal.gone):
+        while 0 <= number < len(parts) and not (interrupts.came or screen.gone):
             behavior, part = parts[number]
             played_ns = part.worlds[0].stamp_ns + (monotonic() - begun_s) * realtime * NS
             at = max(index for index, world in enumerate(part.worlds) if world.stamp_ns <= played_ns)
             world, command = part.worlds[at], part.commands[at]
             side = replay_side(behavior, observation, number + 1, len(parts), world, command)
-            columns, rows = terminal.size
-            terminal.show(page(world, side, "", columns, rows, terminal.ascii_only))
-            terminal.stopped()
-            select.select([terminal], [], [], PICTURE_S)
+            columns, rows = screen.size
+            screen.show(page(world, side, "", columns, rows, screen.ascii_only))
+            screen.stopped()
+            select.select([screen], [], [], PICTURE_S)
             step = 1 if at == len(part.worlds) - 1 else 0
-            for key in terminal.pressed():
+            for key in screen.pressed():
                 if key is Key.FINISH:
                     return
                 step = {Key.NEXT: 1, Key.UNDO: -1}.get(key, step)

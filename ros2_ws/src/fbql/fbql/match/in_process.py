@@ -1,8 +1,10 @@
-"""The match without ROS: the same core objects as the graph, one after the other in one loop."""
+"""The match without ROS: the same core objects as the graph, in one loop."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from time import monotonic
 from typing import NamedTuple
 
 from fbql_behaviors.core.behavior import Behavior
@@ -10,19 +12,24 @@ from fbql_behaviors.core.observation import OBSERVATIONS
 from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
-from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from fbql_common.core.types import BehaviorOutput, Decision, Phase, WheelCommand, World
+from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session
-from fbql_fusion.policy_storage import load_policy
+from fbql_fusion.policy_storage import load_policy, policy_bytes
 from fbql_fusion.shipped import shipped_policy
+from fbql_recording.core.metrics import Summary
+from fbql_recording.run_directory import RunDirectory, git_revision, software_versions
 from fbql_sim.core.world_loop import WorldLoop
 
-from fbql.match.options import Match
+from fbql.cli.output import complain
+from fbql.cli.places import ROOT
+from fbql.match.options import Match, make_run_directory
 
 StepObserver = Callable[[World, Sequence[BehaviorOutput], WheelCommand, Decision], None]
 
 
 class Parts(NamedTuple):
-    """What a match is made of."""
+    """What plays a match."""
 
     session: Session
     loop: WorldLoop
@@ -30,8 +37,20 @@ class Parts(NamedTuple):
     """In the order of the session's."""
 
 
-def parts_of(match: Match) -> Parts:
+class Played(NamedTuple):
+    """A match that was played."""
+
+    match: Match
+    """With the run directory that was made, if one was."""
+    session: Session
+    summary: Summary
+
+
+def parts_of(match: Match, policy: Policy | None = None) -> Parts:
     """Loads the trees and the policy of a match, and makes what plays it.
+
+    Args:
+        policy: takes the place of the match's policy file.
 
     Raises:
         BadInput: a file or a parameter that can't be used, or a policy of another controller, behaviors or trees.
@@ -46,7 +65,8 @@ def parts_of(match: Match) -> Parts:
             behaviors.append(Behavior(name, tree, observation))
         except BadInput as error:
             raise BadInput(f"{path}: {error}") from None
-    return Parts(_session_of(match), WorldLoop(match.simulation), behaviors)
+    session = Session(match.fusion, policy) if policy is not None else _session_of(match)
+    return Parts(session, WorldLoop(match.simulation), behaviors)
 
 
 def _session_of(match: Match) -> Session:
@@ -56,19 +76,19 @@ def _session_of(match: Match) -> Session:
     except BadInput as error:
         if policy is None:
             raise
-        ships = "; it is the one that ships: --policy none starts without" if match.policy == shipped_policy() else ""
-        raise BadInput(f"{match.policy}: {error}{ships}") from None
+        hint = "; it is the shipped one: --policy none starts untrained" if match.policy == shipped_policy() else ""
+        raise BadInput(f"{match.policy}: {error}{hint}") from None
 
 
 def own_observation(match: Match, name: str) -> dict[str, str]:
-    """The parameter of a behavior's node that says what it senses, where the user said it."""
+    """The parameter of a behavior's node that names what it senses, where the user gave a file."""
     source = match.observations.get(load_tree(match.behaviors[name]).behavior) if match.observations else None
     return {"observation": source} if source else {}
 
 
-def rehearse(match: Match) -> None:
-    """Plays the first step, so that whatever does not fit together shows before anything is begun. Raises BadInput."""
-    session, loop, behaviors = parts_of(match)
+def rehearse(match: Match, policy: Policy | None = None) -> None:
+    """Plays the first step, so that whatever does not fit together shows before anything is written. Raises BadInput."""
+    session, loop, behaviors = parts_of(match, policy)
     begun = session.next_episode()
     assert begun is not None
     world = loop.reset(*begun)
@@ -102,3 +122,77 @@ def play(
             world = loop.step(command.left_rad_s, command.right_rad_s)
         if not episode_ended():
             return
+
+
+def play_match(
+    match: Match,
+    policy: Policy | None = None,
+    *,
+    write: bool = True,
+    episode_ended: Callable[[Session, float], bool] = lambda _session, _elapsed_s: True,
+    step_decided: StepObserver | None = None,
+) -> Played:
+    """Plays a match and writes its run directory: the command `train`, and `fbql.play`.
+
+    Args:
+        policy: takes the place of the match's policy file.
+        write: False: no file is written.
+        episode_ended: called after every episode with the session and the time since the start [s]; False ends the match.
+        step_decided: called after every decision, if given.
+
+    Raises:
+        BadInput: something does not fit together, or the run directory can't be made; nothing was played.
+    """
+    rehearse(match, policy)
+    session, loop, behaviors = parts_of(match, policy)
+    files = None
+    if write:
+        match = make_run_directory(match)
+        files = RunDirectory(match.out, _config(match), list(match.behaviors.values()), complain)
+    begun_s = monotonic()
+
+    def ended() -> bool:
+        if files is not None:
+            files.add_episode(session.records[-1])
+        return episode_ended(session, monotonic() - begun_s)
+
+    play(session, loop, behaviors, ended, step_decided)
+    wall_s = monotonic() - begun_s
+    if files is None:
+        return Played(match, session, session.summary(wall_s))
+    learned = session.policy()
+    if learned is not None:
+        files.write_policy(lambda: policy_bytes(learned))
+    summary = session.summary(wall_s, messages_recorded=0, incomplete=files.failed)
+    files.write_summary(summary)
+    files.close()
+    return Played(match, session, summary._replace(incomplete=files.failed))
+
+
+def status_of(session: Session, elapsed_s: float) -> dict[str, str]:
+    """The fields of `match.result.status_line` after an episode."""
+    record = session.records[-1]
+    outcomes = [each.outcome for each in session.records if each.phase is not Phase.GUIDED]
+    return {
+        "episode": str(record.index),
+        "phase": record.phase.name.lower(),
+        "step": str(record.steps),
+        "goals": str(outcomes.count("goal")),
+        "own_goals": str(outcomes.count("own_goal")),
+        "timeouts": str(outcomes.count("timeout")),
+        "steps_per_s": f"{session.steps / elapsed_s:.0f}",
+        "weights": "",
+    }
+
+
+def _config(match: Match) -> dict[str, object]:
+    trees = {name: {"tree_file": str(path), **own_observation(match, name)} for name, path in match.behaviors.items()}
+    return {
+        "versions": software_versions(),
+        "git_revision": git_revision(ROOT),
+        "parameters": {
+            "simulator": asdict(match.simulation),
+            "fusion": {**asdict(match.fusion), "policy": str(match.policy or "")},
+            **trees,
+        },
+    }

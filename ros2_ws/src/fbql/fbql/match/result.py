@@ -1,4 +1,4 @@
-"""The result of a match in words, and what to do with it."""
+"""A match in words: its status while it is played, its result, and what to type next."""
 
 from __future__ import annotations
 
@@ -12,19 +12,36 @@ from fbql.cli.places import typed
 from fbql.cli.words import counted, percent
 
 
+def status_line(status: Mapping[str, str], width: int | None = None) -> str:
+    """One line from the fields of a status (those of fbql_fusion.status), in the longest form that fits."""
+    names, weights = status["weights"].split()[::2], status["weights"].split()[1::2]
+    named = " ".join(f"{name} {weight}" for name, weight in zip(names, weights, strict=True))
+    goals, own_goals, timeouts = status["goals"], status["own_goals"], status["timeouts"]
+    episode, rate = f"episode {status['episode']}", f"{status['steps_per_s']} steps/s"
+    score = f"{goals} goals, {own_goals} own goals, {timeouts} timeouts"
+    long = f"{episode} ({status['phase']}) · step {status['step']} · {score} · {rate} · "
+    short = f"{episode} · {score.replace('own goals', 'own')} · {rate} · "
+    numbers = " ".join(weights)
+    lines = [
+        f"{long}weights {named}",
+        *(short + end for end in (f"weights {named}", named, f"weights {numbers}", numbers)),
+    ]
+    return next((line for line in lines if width is None or len(line) <= width), lines[-1][:width])
+
+
 def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tuple[str, str] | None = None) -> str:
     """The summary as a newcomer reads it.
 
     Args:
         run: the run directory.
         dt_s: simulated time of one step [s].
-        policy: in a word, and in more, the policy that the match began from; None for a controller that has none.
+        policy: the policy that the match started from, in one word and in more; None for a controller that has none.
     """
     episodes, goals, rate = summary["episodes"], summary["goals"], summary["success_rate"]
     success = "" if rate is None else f", success rate {percent(rate)}"
     mean, cost = summary["mean_steps_per_goal"], summary["cost_per_goal"]
     took = "no goal" if mean is None else f"steps on average, {mean * dt_s:.1f} s of play"
-    cost_text = "no goal" if cost is None else "steps of all episodes, for each goal"
+    cost_text = "no goal" if cost is None else "steps of all episodes, per goal"
     recorded = summary["messages_recorded"]
     rows: list[tuple[str, Any, str]] = [
         ("goals", goals, ""),
@@ -36,11 +53,11 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tup
         *([("policy", *policy)] if policy else []),
         *_guided(run / "episodes.csv"),
         ("played", summary["steps"], f"steps{_pace(summary, dt_s)}"),
-        ("digest", summary["digest"][:8], "of every step; the same match in lockstep has the same"),
+        ("digest", summary["digest"][:8], "of every step; identical for an identical lockstep match"),
         ("recording", recorded or "none", f"{'messages in ' if recorded else ''}{run}"),
     ]
     if summary["incomplete"]:
-        rows.append(("", "NOT WHOLE", f"something could not be kept: see {run / 'log'}"))
+        rows.append(("", "INCOMPLETE", f"something could not be written; see {run / 'log'}"))
     title = f"{summary['controller']}, seed {summary['seed']}: {counted(goals, 'goal')} in {counted(episodes, 'episode')}{success}"
     lines = [f"  {name:<11} {value!s:>9}  {meaning}".rstrip() for name, value, meaning in rows]
     return "\n".join(["", title, "", *lines])
@@ -51,7 +68,7 @@ def _number(value: float | None) -> str:
 
 
 def _pace(summary: Mapping[str, Any], dt_s: float) -> str:
-    """How fast it was; nothing where nobody measured."""
+    """How fast it was; empty if that was not measured."""
     if not summary["wall_s"]:
         return ""
     rate = summary["steps_per_s"]
@@ -59,32 +76,32 @@ def _pace(summary: Mapping[str, Any], dt_s: float) -> str:
 
 
 def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
-    """The row of the guided episodes; none where there were none."""
+    """The row of the guided episodes, if there were any."""
     try:
         with episodes.open(newline="") as file:
             count = sum(row["phase"] == "guided" for row in csv.DictReader(file))
     except (OSError, KeyError):
         return []
-    return [("guided", count, "episodes first, which only the lines below count")] if count else []
+    return [("guided", count, "episodes first; only the lines below count them")] if count else []
 
 
 def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: bool = True) -> str:
     """What to type next.
 
     Args:
-        same: the options by which bringup has the same behaviors, trees and parameters again.
-        learn: whether the controller could go on learning.
+        same: the options that give bringup the same behaviors, trees and parameters again.
+        learn: whether the controller could keep learning.
     """
     bringup = f"{typed('bringup')}{same}"
     player = f"{bringup} --controller {summary['controller']}"
     place = shlex.quote(str(run))
     if (run / "policy.npz").is_file():
         player += f" --policy {shlex.quote(str(run / 'policy.npz'))}"
-        other = player, "go on with what was learned" if learn else "learn on from the policy that was played"
+        other = player, "continue from what was learned" if learn else "learn on from the policy that was played"
         player += "" if learn else " --no-learn"
     elif summary["controller"] == "subsumption":
-        shipped = not same  # the policy that ships fits the usual behaviors, trees and parameters
-        meaning = "fused by what was learned" if shipped else "and fbql that learns to fuse them"
+        shipped = not same  # the shipped policy fits the usual behaviors, trees and parameters
+        meaning = "fused by the shipped policy" if shipped else "and fbql learns to fuse them"
         other = f"{bringup}{'' if shipped else ' --policy none'}", f"the same behaviors, {meaning}"
     else:
         other = f"{bringup} --controller subsumption", "the same behaviors, by priorities instead"
@@ -92,8 +109,8 @@ def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: boo
     if summary["messages_recorded"]:
         steps.append((f"{typed('report')} {place}", "a page that shows what happened, step by step, and why"))
     if summary["messages_recorded"] and summary["incomplete"]:
-        steps.append((f"{typed('recover')} {place}", "a whole recording of what is sound, and what was lost"))
+        steps.append((f"{typed('recover')} {place}", "repair the recording, and see what was lost"))
     elif summary["messages_recorded"]:
-        meaning = f"what was recorded, where ROS 2 is installed; Foxglove opens {run.name}_0.mcap in there"
+        meaning = f"what was recorded, if ROS 2 is installed; Foxglove opens its {run.name}_0.mcap"
         steps.append((f"ros2 bag info {place}", meaning))
     return "\n".join(["", "Next:", *(f"  {command}\n      {meaning}" for command, meaning in steps)])

@@ -1,1 +1,1 @@
-"""How the pictures of the documentation are drawn, from recorded data."""
+"""Pictures: the style of our figures, and the documentation's picture of an episode."""

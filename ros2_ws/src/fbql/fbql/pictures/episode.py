@@ -1,12 +1,10 @@
-"""One episode as an SVG: the field, the trails of robot and ball, the robot's in the colour of who drove.
+"""One episode as an SVG: the field and the trails of robot and ball, the robot's in the colour of the behavior that drove.
 
-The robot and the ball move along their trails where the viewer shows SVG animations.
+Where the viewer shows SVG animations, robot and ball move along their trails.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Sequence
 from itertools import groupby
 from math import degrees
@@ -18,35 +16,41 @@ from fbql_common.core.types import Decision, World
 from fbql_recording import open_run
 from fbql_sim.core.arena import SEGMENTS
 
+from fbql.cli.exit_codes import BAD_INPUT, DONE
+from fbql.cli.output import Unwritable, complain, set_program, writing
+from fbql.cli.parser import Parser
+
 SCALE = 360.0
-"""Pixels a metre."""
+"""Pixels per metre."""
 MARGIN_M = 0.2
 LEGEND_M = 0.22
 COLORS = ("#e69f00", "#56b4e9", "#cc79a7", "#f0e442", "#d55e00", "#999999")
-"""One a behavior, told apart by colour-blind readers (Okabe and Ito), on the field's green."""
+"""One per behavior, distinguishable for colour-blind readers (Okabe and Ito) on the field's green."""
 BLEND_COLOR = "#ffffff"
 FRAMES_PER_S = 12.0
 
 
 def main(argv: Sequence[str]) -> int:
-    """Draws the picture. Gives the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="make_picture.py", description="Draws one episode of a recorded run as an SVG."
-    )
+    """Draws the picture. Returns the exit code."""
+    set_program("make_picture.py")
+    parser = Parser(prog="make_picture.py", description="Draws one episode of a recorded run as an SVG.")
     parser.add_argument("run", type=Path, help="run directory")
     parser.add_argument("--episode", type=int, default=0, metavar="N", help="episode to draw (0)")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="SVG file to write")
     arguments = parser.parse_args(list(argv))
     try:
         worlds, decisions = read_episode(arguments.run, arguments.episode)
+        if not worlds:
+            raise BadInput(f"{arguments.run}: no episode {arguments.episode} in the recording")
+        with writing(arguments.out):
+            arguments.out.write_text(picture(worlds, decisions))
     except BadInput as error:
-        print(error, file=sys.stderr)
-        return 2
-    if not worlds:
-        print(f"{arguments.run}: no episode {arguments.episode} in the recording", file=sys.stderr)
-        return 2
-    arguments.out.write_text(picture(worlds, decisions))
-    return 0
+        complain(error)
+        return BAD_INPUT
+    except Unwritable as error:
+        complain(error)
+        return error.exit_code
+    return DONE
 
 
 def read_episode(run: Path, episode: int) -> tuple[list[World], list[Decision]]:
@@ -80,7 +84,7 @@ def picture(worlds: Sequence[World], decisions: Sequence[Decision]) -> str:
 
 
 def _point(x_m: float, y_m: float) -> tuple[float, float]:
-    """Pixels; y is upwards in the field and downwards in the picture."""
+    """Pixels; y points up in the field and down in the picture."""
     return SCALE * x_m, -SCALE * y_m
 
 
@@ -151,7 +155,7 @@ def _ball(world: World, opacity: float) -> str:
 
 
 def _moving(worlds: Sequence[World]) -> str:
-    """Robot and ball on their way, in real time, from the start again when the goal is scored."""
+    """Robot and ball along their trails, in real time, over and over."""
     duration_s = (worlds[-1].stamp_ns - worlds[0].stamp_ns) / 1e9
     count = max(2, round(duration_s * FRAMES_PER_S))
     frames = [worlds[round(i * (len(worlds) - 1) / (count - 1))] for i in range(count)]

@@ -1,4 +1,4 @@
-"""When a recorded message is due: at a rate, as fast as it goes, paused, or step by step. It knows no ROS and no clock."""
+"""When a recorded message is due: at a rate, as fast as possible, paused, or step by step. Without ROS and without a clock."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from enum import Enum
 
 POLL_S = 0.02
-"""How often keys are looked at while there is nothing to wait for [s]."""
+"""Time between two looks at the keys while there is nothing to wait for [s]."""
 _WAIT_S = 0.1
 _NS = 1_000_000_000
 
@@ -15,9 +15,9 @@ class Order(Enum):
     """What a person asks for while a recording is replayed."""
 
     PAUSE = "space"
-    """Pause, or go on."""
+    """Pause, or continue."""
     STEP = "s"
-    """What has the next time, and then pause."""
+    """Publish what has the next time stamp, then pause."""
     QUIT = "q"
 
 
@@ -25,9 +25,9 @@ class Pace:
     """Waits until messages are due.
 
     Args:
-        rate: times real time; 0: as fast as it goes.
+        rate: times real time; 0: as fast as possible.
         now: a steady clock [s].
-        orders: waits at most so long [s] for what a person asks for, and gives it; returns early when there is something.
+        orders: waits at most this long [s] for orders, and returns them as soon as there are any.
         show: called now and then while it waits.
     """
 
@@ -40,9 +40,9 @@ class Pace:
     ) -> None:
         self.is_paused = False
         self.quit = False
-        """Whether a person wants the end."""
+        """Whether the person has quit."""
         self.went_back = 0
-        """How often the recording's time went back: nothing is waited for then."""
+        """How often the recording's time went back; there is no wait then."""
         self._rate = rate
         self._now = now
         self._orders = orders
@@ -50,17 +50,17 @@ class Pace:
         self._begin_s = 0.0
         self._begin_ns = 0
         self._last_ns: int | None = None
-        """Time of the message that was published last."""
+        """Time of the last published message."""
         self._steps = 0
-        """How many steps were asked for and not begun."""
+        """Steps that were asked for and are still to come."""
         self._looked_s = float("-inf")
 
     def restart(self) -> None:
-        """The recording begins again: its next message is due at once."""
+        """The recording starts over: its next message is due at once."""
         self._last_ns = None
 
     def wait(self, time_ns: int) -> bool:
-        """Waits until a message of this time is due [ns]; False: it is not to be published, a person wants the end."""
+        """Waits until a message of this time is due [ns]. False: do not publish it, the person has quit."""
         last_ns = self._last_ns
         if last_ns is None or time_ns < last_ns:
             self.went_back += last_ns is not None
@@ -69,7 +69,7 @@ class Pace:
             self._look(0.0)
         while not self.quit and not self._is_due(time_ns):
             was_paused = self.is_paused
-            # Time goes on between two looks at the clock: what was not due a moment ago may be so now.
+            # Time passes between two looks at the clock: a message may have become due.
             self._look(_WAIT_S if was_paused else min(max(self._left_s(time_ns), 0.0), _WAIT_S))
             if was_paused and not self.is_paused:
                 self._due_now(time_ns)

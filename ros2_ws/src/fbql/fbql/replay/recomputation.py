@@ -1,7 +1,7 @@
-"""A recorded run played again in this process: the recorded world states through trees and a session of our own.
+"""A recorded run recomputed in this process: the recorded world states, given to trees and a session of our own.
 
-The simulator has no part in it: the world states are those of the recording, and so is which answers came in time.
-Everything else that it takes is inside of the recording too: every parameter with the seed, the trees, the policy before.
+The simulator is not needed: the world states are the recorded ones, and so is which answers arrived in time. The recording
+holds everything else: every parameter including the seed, the trees, and the policy that the run started from.
 """
 
 from __future__ import annotations
@@ -27,72 +27,70 @@ from fbql_recording import Run
 
 
 class OutOfPlace(Exception):
-    """A recorded step that the schedule has not there; the text says why."""
+    """A recorded step that does not fit the schedule; the text says why."""
 
 
-class Retold:
-    """A session that is led through the steps of a recording: its episodes begin, and begin again, where they did."""
+class RecordedSession:
+    """A session that is led through the steps of a recording: its episodes begin, and restart, where the recorded ones did."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self._under_way: int | None = None
+        self._episode: int | None = None
         self._step = -1
 
     def enter(self, episode: int, step: int, begins_again: bool) -> None:
-        """Brings the session to where it decides a step. Raises OutOfPlace."""
-        if self._under_way is None:
+        """Takes the session to the step that it decides next. Raises OutOfPlace."""
+        if self._episode is None:
             begun = self.session.next_episode()
             if begun is None:
-                raise OutOfPlace("the run was over before")
+                raise OutOfPlace("the run had ended before it")
             if begun[0] != episode:
                 raise OutOfPlace(f"episode {begun[0]} comes next")
-            self._under_way, self._step = episode, -1
-        if self._under_way != episode:
-            raise OutOfPlace(f"episode {self._under_way} has not ended")
-        # Recordings of before there was a note of it: the step that goes back tells it.
+            self._episode, self._step = episode, -1
+        if self._episode != episode:
+            raise OutOfPlace(f"episode {self._episode} has not ended")
+        # Older recordings do not mark a restart: a step number that goes back shows it.
         if begins_again or step <= self._step:
             self.session.restart_episode()
         self._step = step
 
     def left(self, ended: bool) -> None:
-        """A step was decided; `ended`: it was the episode's last."""
+        """Call it after a step was decided; `ended`: it was the episode's last."""
         if ended:
-            self._under_way = None
+            self._episode = None
 
 
 def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
-    """The parameters of fusion that were in force, and what of them this release has otherwise, in words.
+    """The parameters of fusion that were in force, and how this release's parameters differ, in words.
 
     Raises:
         BadInput: the recording has none, or one is out of range.
     """
     found = run.parameters.get("fusion")
     if not found:
-        raise BadInput(
-            f"{run.path}: no parameters in it; only a recording that the fusion node made can be computed again"
-        )
+        raise BadInput(f"{run.path}: it has no parameters; only a recording made by the fusion node can be recomputed")
     ours = [field.name for field in fields(FusionParameters)]
     others = {field.name for field in fields(FusionNodeParameters)}
     lacking = [name for name in ours if name not in found]
     unknown = [name for name in found if name not in {*ours, *others}]
-    notes = [f"not in the recording, their defaults are taken: {', '.join(lacking)}"] if lacking else []
-    notes += [f"parameters of the recording that are unknown here: {', '.join(unknown)}"] if unknown else []
+    notes = [f"not in the recording, so their defaults are used: {', '.join(lacking)}"] if lacking else []
+    notes += [f"parameters of the recording that this release does not have: {', '.join(unknown)}"] if unknown else []
     values = {name: found[name] for name in ours if name in found}
     return from_mapping(FusionParameters, values, f"{run.path}: config.yaml"), notes
 
 
 def recorded_policy(run: Run) -> Policy | None:
-    """The policy that the run started from, if it did. Raises BadInput."""
+    """The policy that the run started from; None if it started untrained. Raises BadInput."""
     data = run.attachments.get(recording_names.POLICY_BEFORE)
     if data is not None:
         return policy_from_bytes(data, f"{run.path}: {recording_names.POLICY_BEFORE}")
     if run.parameters.get("fusion", {}).get("policy"):
-        raise BadInput(f"{run.path}: it started from a policy, which is not in the recording")
+        raise BadInput(f"{run.path}: it started from a policy that is not in the recording")
     return None
 
 
 def recorded_trees(run: Run) -> dict[str, Tree]:
-    """The trees in the recording, by their hashes. Raises BadInput for one that is damaged."""
+    """The trees in the recording, by hash. Raises BadInput for a damaged one."""
     trees: dict[str, Tree] = {}
     for name, data in run.attachments.items():
         if name.startswith(recording_names.TREES):
@@ -104,13 +102,13 @@ def recorded_trees(run: Run) -> dict[str, Tree]:
     return trees
 
 
-class Team:
-    """The behaviors of a recording, made from its trees as their answers ask for them.
+class RecordedBehaviors:
+    """The behaviors of a recording, made of its trees when an answer needs them.
 
     Args:
         trees: by hash.
-        observations: FILE.py:NAME of what behaviors of the user's own sense, by behavior. Code from a recording is
-            never run; only what the user names or has installed.
+        observations: FILE.py:NAME of what the user's own behaviors sense, by behavior. Code from a recording is never
+            run, only what the user names or has installed.
     """
 
     def __init__(self, run: Run, trees: Mapping[str, Tree], observations: Mapping[str, str]) -> None:
@@ -119,10 +117,10 @@ class Team:
         self._observations = observations
         self._made: dict[tuple[str, str], Behavior | None] = {}
         self.missing: dict[str, str] = {}
-        """Why answers of a behavior can't be computed again, by its name."""
+        """Why the answers of a behavior can't be recomputed, by its name."""
 
     def behavior(self, name: str, tree_hash: str) -> Behavior | None:
-        """The behavior that answers with a tree; None where it can't be made, and `missing` says why."""
+        """The behavior with this tree; None if it can't be made, and then `missing` says why."""
         key = (name, tree_hash)
         if key not in self._made:
             self._made[key] = self._make(name, tree_hash)
@@ -137,15 +135,15 @@ class Team:
         copy = self._run.attachments.get(f"{recording_names.OBSERVATIONS}{name}.py")
         if not source and copy is not None and tree.behavior not in OBSERVATIONS:
             self.missing[name] = (
-                "what it senses is defined in a file of the user's: name it with --observation "
+                "what it senses is defined in a file of the user's; name that with --observation "
                 f"(the recording has a copy, {recording_names.OBSERVATIONS}{name}.py)"
             )
             return None
         return Behavior(name, tree, find_observation(tree.behavior, source))
 
 
-def changed(run: Run, revision: str, here: Mapping[str, str]) -> list[str]:
-    """The software that a recording was made with in another version than is here, a line each."""
+def changed_software(run: Run, revision: str, here: Mapping[str, str]) -> list[str]:
+    """One line for each package whose version differs from the one that made the recording."""
     versions: Mapping[str, Any] = {
         **run.config.get("versions", {}),
         "revision": run.config.get("git_revision", revision),

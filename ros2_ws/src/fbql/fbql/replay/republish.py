@@ -1,8 +1,8 @@
-"""`replay.py RUN`: every recorded message onto ROS again, as the bytes that were recorded, with /clock.
+"""`replay RUN`: publishes every recorded message on ROS again, byte for byte, with /clock.
 
-On a domain of its own, so that a graph that is alive is not disturbed. Each topic has the quality of service that it
-was recorded with. A reliable topic waits now and then until its subscribers have acknowledged what was published: what
-is replayed faster than it was recorded overtakes nobody.
+It uses a domain of its own, so that a live graph is not disturbed. Each topic has the quality of service that it was recorded
+with. A reliable topic waits now and then until its subscribers have acknowledged what was published, so that a fast replay
+outruns nobody.
 """
 
 from __future__ import annotations
@@ -11,9 +11,8 @@ import argparse
 import json
 import math
 import os
-import sys
-from collections.abc import Iterator
-from contextlib import closing, nullcontext
+from collections.abc import Generator, Iterator
+from contextlib import closing, contextmanager, nullcontext
 from time import monotonic, sleep
 from typing import Any
 
@@ -29,28 +28,27 @@ from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.panel import print_result
-from fbql.cli.progress_line import ProgressLine
+from fbql.cli.output import LiveLine, complain, print_result, say, warn
 from fbql.graph.domains import MAX_DOMAIN_ID, free_domain
-from fbql.replay.keys import Keys
 from fbql.replay.pace import Order, Pace
-from fbql.replay.topics import message_class, qos_of
-from fbql.replay.views import ReplayViews
+from fbql.replay.topics import ReplayViews, message_class, qos_of
+from fbql.terminal.screen import RawTerminal
 
 NODE = "replay"
 NS = 1_000_000_000
 _LOOK_S = 0.02
 _TWIN_S = 1.0
-"""For so long a domain that somebody named is looked at for others who publish the same [s]."""
+"""How long a domain that the user names is watched for other publishers of the same topics [s]."""
 _PATIENCE_S = 4.0
-"""For so long a subscriber may take to acknowledge before the replay goes on without [s]."""
+"""How long a subscriber may take to acknowledge before the replay continues without it [s]."""
 _ASK_AGAIN = Duration(seconds=0.02)
 _DEPTH = 20
 """Messages of a topic that may wait to be acknowledged. 10 are a fourth slower, bursts of 80 overflow a subscriber."""
+_ORDERS = {ord(" "): Order.PAUSE, **dict.fromkeys(b"sS", Order.STEP), **dict.fromkeys(b"qQ", Order.QUIT)}
 
 
 def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Replays a run. Gives 0. Raises BadInput."""
+    """Replays a run. Returns 0. Raises BadInput."""
     window = _Window(run, arguments)
     topics = _topics(run, arguments.topics)
     refuse_security()
@@ -61,14 +59,14 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         with (
             closing(Stage(run, topics, domain_id, arguments.clock, views=arguments.topics is None)) as stage,
-            closing(ProgressLine()) as line,
-            Keys() as keys,
+            closing(LiveLine()) as line,
+            _keyboard() as keys,
         ):
             if domain is not None:
                 stage.refuse_twins(interrupts)
             say(f"replaying {run.path} in ROS_DOMAIN_ID={domain_id}: {len(topics)} topics, {window.words}")
-            if keys.are_read:
-                say("space: pause, go on; s: a step; q: quit")
+            if keys is not None and keys.taken:
+                say("space: pause, continue; s: one step; q: quit")
             stage.wait_for_subscribers(arguments.wait, interrupts, may_have_twins=domain is not None)
             replayed = _Replay(run, arguments, window, stage, line, keys, interrupts).play()
             if arguments.json:
@@ -77,9 +75,17 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
     return 0
 
 
-def say(text: str) -> None:
-    """A line on stderr."""
-    print(text, file=sys.stderr, flush=True)
+@contextmanager
+def _keyboard() -> Generator[RawTerminal | None]:
+    """The keys that a person presses; None without a terminal."""
+    try:
+        terminal = RawTerminal()
+    except OSError:
+        yield None
+        return
+    with terminal:
+        terminal.take()
+        yield terminal
 
 
 class _Window:
@@ -91,7 +97,7 @@ class _Window:
             if value is not None and not (math.isfinite(value) and value >= low):
                 raise BadInput(f"--{name} {value:g}: must be {low:g} or more")
         if run.start_ns is None or run.end_ns is None:
-            raise BadInput(f"{run.path}: no messages in it; there is nothing to replay")
+            raise BadInput(f"{run.path}: it has no messages; there is nothing to replay")
         self.start_ns = run.start_ns + round(arguments.start * NS)
         self.end_ns = run.end_ns + 1
         if arguments.duration is not None:
@@ -101,7 +107,7 @@ class _Window:
                 f"--start {arguments.start:g}: the recording is {(run.end_ns - run.start_ns) / NS:.3f} s long"
             )
         self.words = f"{(self.end_ns - 1 - self.start_ns) / NS:.1f} s"
-        self.words += f" at {arguments.rate:g} times real time" if arguments.rate else " as fast as it goes"
+        self.words += f" at {arguments.rate:g} times real time" if arguments.rate else " as fast as possible"
 
 
 def _topics(run: Run, wanted: list[str] | None) -> list[Topic]:
@@ -110,21 +116,21 @@ def _topics(run: Run, wanted: list[str] | None) -> list[Topic]:
     names = {name if name.startswith("/") else f"/{name}" for name in wanted}
     unknown = sorted(names - run.topics.keys())
     if unknown:
-        raise BadInput(f"{run.path}: no topic {unknown[0]} in it; there are {', '.join(sorted(run.topics))}")
+        raise BadInput(f"{run.path}: it has no topic {unknown[0]}; it has {', '.join(sorted(run.topics))}")
     return [run.topics[name] for name in run.topics if name in names]
 
 
 class Stage:
-    """The node that publishes what was recorded, and views of it where somebody looks.
+    """The node that publishes what was recorded, and views of it where somebody subscribes.
 
-    Topics whose type is not installed, or was recorded with another definition, are left out with a line that says so.
+    Topics whose type is not installed, or was recorded with another definition, are left out with a warning.
 
     Args:
         clock: whether the time is published.
         views: whether poses and markers are made of the world states.
 
     Raises:
-        BadInput: nothing is left.
+        BadInput: no topic is left.
     """
 
     def __init__(self, run: Run, topics: list[Topic], domain_id: int, clock: bool, views: bool) -> None:
@@ -144,25 +150,25 @@ class Stage:
             try:
                 self._outlets[topic.name] = Outlet(self._node, message_class(topic), topic.name, qos_of(topic))
             except BadInput as error:
-                say(f"left out: {error}")
+                warn([f"left out: {error}"])
                 self.left_out.append(topic.name)
         if not self._outlets:
             self.close()
             raise BadInput("none of the topics can be published here")
         self._views = ReplayViews(self._node, run, self.names if views else [])
         self._clock: Outlet | None = None
-        """Where /clock was not recorded; a recorded one is among the outlets."""
+        """Used where /clock was not recorded; a recorded one is among the outlets."""
         if clock and CLOCK not in self._outlets:
             self._clock = Outlet(self._node, Clock, CLOCK, QoSProfile(depth=_DEPTH))
         self._clock_ns = -1
 
     @property
     def names(self) -> list[str]:
-        """Topics that are published."""
+        """The published topics."""
         return list(self._outlets)
 
     def publish(self, message: Message) -> None:
-        """Publishes a message, and the time before it where that is a new one."""
+        """Publishes a message, and before it the time, if that has changed."""
         if message.log_time_ns != self._clock_ns and self._clock is not None:
             self._clock_ns = message.log_time_ns
             clock = Clock()
@@ -172,16 +178,16 @@ class Stage:
         self._views.show(message.topic, message.data)
 
     def refuse_twins(self, interrupts: Interrupts) -> None:
-        """Raises BadInput where somebody who publishes one of the topics in this domain is found within `_TWIN_S`."""
+        """Raises BadInput if another publisher of one of the topics appears in this domain within `_TWIN_S`."""
         deadline = monotonic() + _TWIN_S
         while monotonic() < deadline and not interrupts.came:
             self._refuse_twin()
             sleep(_LOOK_S)
 
     def wait_for_subscribers(self, patience_s: float, interrupts: Interrupts, may_have_twins: bool) -> None:
-        """Until every topic has a subscriber, or for so long [s]: what is published before is lost to them.
+        """Waits until every topic has a subscriber, or this long [s]: subscribers miss what is published before.
 
-        On a busy machine a twin may be found as late as now. Raises BadInput for it.
+        On a busy machine a twin may show up as late as now. Raises BadInput for it.
         """
         deadline = monotonic() + patience_s
         while monotonic() < deadline and not interrupts.came:
@@ -195,12 +201,12 @@ class Stage:
         for name in self._outlets:
             if self._node.count_publishers(name) > 1:
                 raise BadInput(
-                    f"somebody publishes {name} in ROS_DOMAIN_ID={self._domain_id} already; "
-                    "end that, or leave --domain out to get a free domain"
+                    f"another node publishes {name} in ROS_DOMAIN_ID={self._domain_id}; "
+                    "end it, or leave out --domain to get a free domain"
                 )
 
     def settle(self) -> int:
-        """Waits until everything was acknowledged. Gives how often, up to now, somebody did not in time."""
+        """Waits until everything is acknowledged. Returns how often so far a subscriber was too late."""
         deadline_s = monotonic() + _PATIENCE_S
         for outlet in self._all():
             outlet.settle(deadline_s)
@@ -216,22 +222,22 @@ class Stage:
 
 
 class Outlet:
-    """One topic that is published. Where it is reliable and its history bounded, it waits for its subscribers to
-    acknowledge what would fall out of it next."""
+    """One published topic. If it is reliable and its history bounded, it waits until its subscribers have acknowledged
+    the message that would drop out of it next."""
 
     def __init__(self, node: Node, message_type: type, name: str, qos: QoSProfile) -> None:
         if qos.durability is DurabilityPolicy.VOLATILE:
-            # How many wait to be acknowledged is our business alone: late subscribers get none of them.
+            # The depth only matters here: late subscribers get none of the messages.
             qos.history, qos.depth = HistoryPolicy.KEEP_LAST, _DEPTH
         self.publisher = node.create_publisher(message_type, name, qos)
         self._publish = self.publisher.publish
-        # In a full history the next message takes the place of the first. It is when its history is full that Fast DDS
-        # asks its readers at once; otherwise it asks every 3 s.
+        # In a full history the next message replaces the first. Fast DDS asks its readers to acknowledge at once when the
+        # history is full, and otherwise every 3 s.
         is_bounded = qos.reliability is not ReliabilityPolicy.BEST_EFFORT and qos.history is HistoryPolicy.KEEP_LAST
         self._depth = qos.depth if is_bounded else 0
         self._unacknowledged = 0
         self.late = 0
-        """How often a subscriber that is there did not acknowledge in time."""
+        """How often a subscriber did not acknowledge in time."""
 
     def publish(self, data: Any) -> None:
         """Publishes a message, or recorded bytes as they are."""
@@ -241,7 +247,7 @@ class Outlet:
         self._unacknowledged += 1
 
     def settle(self, deadline_s: float) -> None:
-        """Waits until everything was acknowledged, or so long (on the steady clock)."""
+        """Waits until everything is acknowledged, at most up to this time of the steady clock."""
         if not (self._depth and self._unacknowledged):
             return
         self._unacknowledged = 0
@@ -252,16 +258,14 @@ class Outlet:
 
 
 class _Replay:
-    """One replay, from its begin to its end."""
-
     def __init__(
         self,
         run: Run,
         arguments: argparse.Namespace,
         window: _Window,
         stage: Stage,
-        line: ProgressLine,
-        keys: Keys,
+        line: LiveLine,
+        keys: RawTerminal | None,
         interrupts: Interrupts,
     ) -> None:
         self._run = run
@@ -277,7 +281,7 @@ class _Replay:
         self._covered_ns = 0
 
     def play(self) -> dict[str, float]:
-        """Replays; gives what came of it, as it stands in --json."""
+        """Replays. Returns the figures for --json."""
         begun_s = monotonic()
         again = True
         while again:
@@ -300,9 +304,11 @@ class _Replay:
             f"replayed {self._messages} messages, {covered_s:.1f} s in {wall_s:.1f} s: {covered_s / wall_s:.1f} times real time"
         )
         if self._pace.went_back:
-            say(f"the recording's time went back {self._pace.went_back} times; nothing was waited for there")
+            say(f"the recording's time went back {self._pace.went_back} times; there was no wait at those points")
         if late:
-            say(f"{late} times a subscriber did not acknowledge within {_PATIENCE_S:g} s; it may have missed some")
+            complain(
+                f"{late} times a subscriber did not acknowledge within {_PATIENCE_S:g} s; it may have missed messages"
+            )
         return {
             "messages": self._messages,
             "replayed_s": covered_s,
@@ -316,8 +322,14 @@ class _Replay:
         return self._run.messages(self._stage.names, self._window.start_ns, self._window.end_ns)
 
     def _orders(self, patience_s: float) -> list[Order]:
-        # Python waits on after a signal: a long wait would be deaf to it.
-        orders = self._keys.pressed(patience_s)
+        keys = self._keys
+        if keys is not None:
+            keys.stopped()
+        if keys is not None and keys.take():
+            orders = [_ORDERS[key] for key in keys.read(patience_s) if key in _ORDERS]
+        else:
+            sleep(patience_s)  # at most 0.1 s: Python waits on after a signal
+            orders = []
         return [*orders, Order.QUIT] if self._interrupts.came else orders
 
     def _show(self) -> None:

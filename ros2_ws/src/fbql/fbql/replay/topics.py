@@ -1,29 +1,43 @@
-"""Recorded topics as publishers: their message classes, and the quality of service that they were offered with."""
+"""Recorded topics as publishers: message classes, quality of service, and views made of the world states."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from copy import copy
 from importlib import import_module
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
-from fbql_common.topics import STEP_QOS
-from fbql_recording import Topic
+from fbql_common.topics import BALL_POSE, POSE_QOS, ROBOT_POSE, STEP_QOS, WALL_POSE, WORLD
+from fbql_recording import Run, Topic
 from fbql_recording.bag_metadata import INFINITE_NS
 from fbql_recording.message_definitions import essence, schema_text, type_hash
+from fbql_sim.views import markers_msg, pose_msgs
+from geometry_msgs.msg import PoseStamped
 from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
+from visualization_msgs.msg import MarkerArray
+
+MARKERS = "simulator/markers"
+_WORLD_TYPE = "fbql_msgs/msg/WorldState"
+_POSES = (ROBOT_POSE, BALL_POSE, WALL_POSE)
+_LOOK_S = 0.25
+"""Time between two looks at who subscribes [s]."""
 
 
 def message_class(topic: Topic) -> type[Any]:
     """The message class of a recorded topic.
 
     Raises:
-        BadInput: it is not installed, or installed with other fields than were recorded: then the recorded bytes would
-            mean something else to whoever subscribes.
+        BadInput: it is not installed, or installed with other fields than were recorded: subscribers would read something
+            else into the recorded bytes.
     """
     package, _, name = topic.type_name.split("/")
     try:
@@ -40,16 +54,15 @@ def message_class(topic: Topic) -> type[Any]:
 def qos_of(topic: Topic) -> QoSProfile:
     """The quality of service that a topic was offered with; that of our step topics where none is recorded.
 
-    Raises:
-        BadInput: what is recorded is no quality of service.
+    Raises BadInput where it can't be read.
     """
     text = topic.metadata.get("offered_qos_profiles", "")
     try:
         profiles = yaml.safe_load(text)
         if not profiles:
-            return copy(STEP_QOS)  # a profile can be changed, and this one is everybody's
+            return copy(STEP_QOS)  # profiles are mutable, and this one is shared
         offered: dict[str, Any] = profiles[0]
-        # `ros2 bag` can't know the history of others, and records "unknown" with depth 0.
+        # `ros2 bag` does not know the history of publishers, and records "unknown" with depth 0.
         history = _policy(HistoryPolicy, offered["history"])
         is_known = history in (HistoryPolicy.KEEP_LAST, HistoryPolicy.KEEP_ALL)
         return QoSProfile(
@@ -84,5 +97,57 @@ def _policy(kind: Any, value: Any) -> Any:
 
 def _duration(value: dict[str, int]) -> Duration:
     nanoseconds = int(value["sec"]) * 1_000_000_000 + int(value["nsec"])
-    # 0 is what rclpy calls a duration that nobody specified: infinite.
+    # In rclpy 0 is an unspecified duration: infinite.
     return Duration(nanoseconds=0 if nanoseconds >= INFINITE_NS else nanoseconds)
+
+
+class ReplayViews:
+    """Poses and markers for RViz and Foxglove, made of the replayed world states as the simulator makes them.
+
+    The simulator publishes them while somebody subscribes, and they are not recorded: they hold nothing new.
+
+    Args:
+        node: publishes them.
+        run: topics that it has recorded are left out.
+        topics: the replayed ones. Without a topic of world states there are no views.
+    """
+
+    def __init__(self, node: Node, run: Run, topics: Collection[str]) -> None:
+        worlds = [name for name in topics if run.topics[name].type_name == _WORLD_TYPE and name.endswith(f"/{WORLD}")]
+        self._codec = run.codec(_WORLD_TYPE)
+        self._world = worlds[0] if worlds else ""
+        self._poses: dict[str, Publisher] = {}
+        self._markers: Publisher | None = None
+        self._wanted: frozenset[Publisher] = frozenset()
+        self._looked_s = float("-inf")
+        if not worlds:
+            return
+        place = self._world.removesuffix(WORLD)
+        for name in _POSES:
+            if place + name not in run.topics:
+                self._poses[name] = node.create_publisher(PoseStamped, place + name, POSE_QOS)
+        if place + MARKERS not in run.topics:
+            self._markers = node.create_publisher(MarkerArray, place + MARKERS, POSE_QOS)
+
+    def show(self, topic: str, data: bytes) -> None:
+        """Publishes the views of a message, if it is a world state and somebody subscribes."""
+        if topic != self._world or self._codec is None:
+            return
+        if monotonic() - self._looked_s >= _LOOK_S:
+            self._look()
+        if not self._wanted:
+            return
+        try:
+            world = self._codec.decode(data)
+        except Malformed:
+            return  # not a world state: there is nothing to show
+        for name, pose in zip(_POSES, pose_msgs(world), strict=True):
+            if self._poses.get(name) in self._wanted:
+                self._poses[name].publish(pose)
+        if self._markers is not None and self._markers in self._wanted:
+            self._markers.publish(markers_msg(world))
+
+    def _look(self) -> None:
+        self._looked_s = monotonic()
+        made = [*self._poses.values(), *([] if self._markers is None else [self._markers])]
+        self._wanted = frozenset(publisher for publisher in made if publisher.get_subscription_count())

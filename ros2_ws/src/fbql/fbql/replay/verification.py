@@ -1,15 +1,19 @@
-"""Whether a recorded run can be computed again bit by bit: every leaf, reference, Q, weight and command.
+"""`replay RUN --verify`: recomputes a recorded run, every leaf, reference, Q, weight and command, and compares bit by bit.
 
-What is compared are the bytes that would go over the wire. Where they differ the fields are looked at, so that padding,
-which a middleware may leave as it was in memory, is no difference.
+The bytes that would go over the wire are compared. Where they differ, so are the fields: padding, which a middleware may
+leave as it was in memory, is no difference.
 """
 
 from __future__ import annotations
 
+import argparse
+import json
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from contextlib import closing
+from dataclasses import asdict, dataclass
 from struct import pack
+from time import monotonic
 from typing import Any, NamedTuple
 
 from fbql_behaviors.core.behavior import Behavior
@@ -20,18 +24,32 @@ from fbql_fusion.core.session import Session
 from fbql_recording import Corrupt, Run
 from fbql_recording.core.decoding import MessageCodec
 from fbql_recording.core.steps import StepData
+from fbql_recording.run_directory import git_revision, software_versions
 
-from fbql.replay.recomputation import OutOfPlace, Retold, Team
+from fbql.cli.exit_codes import DONE, FAILED
+from fbql.cli.interrupts import Interrupts
+from fbql.cli.observations import know_observations
+from fbql.cli.output import LiveLine, print_result
+from fbql.cli.places import ROOT
+from fbql.replay.recomputation import (
+    OutOfPlace,
+    RecordedBehaviors,
+    RecordedSession,
+    changed_software,
+    recorded_parameters,
+    recorded_policy,
+    recorded_trees,
+)
 
-_SAY_STEPS = 4096
+_PROGRESS_STEPS = 4096
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The first thing that is not as it was recorded."""
+    """The first difference from what was recorded."""
 
     index: int
-    """The step's number in the recording, from 0."""
+    """Index of the step in the recording, from 0."""
     episode: int
     step: int
     stamp_ns: int
@@ -45,46 +63,46 @@ class Difference:
         """In one line."""
         return (
             f"episode {self.episode}, step {self.step} (at {self.stamp_ns / 1e9:.3f} s): {self.what}: "
-            f"recorded {self.recorded}, computed again {self.recomputed}"
+            f"recorded {self.recorded}, recomputed {self.recomputed}"
         )
 
 
 class Verification(NamedTuple):
-    """What came of it."""
+    """The result of recomputing a run."""
 
     steps: int
-    """Steps that are identical, from the first on."""
+    """Identical steps, from the first on."""
     difference: Difference | None
     digest: str
-    """Of the steps that were computed again."""
+    """Of the recomputed steps."""
     not_recomputed: dict[str, int]
-    """Answers of behaviors that were taken as recorded, because they can't be computed again."""
+    """By behavior: answers that were taken as recorded, because they can't be recomputed."""
     unfinished: int
-    """Steps at the end of a recording that was cut off of which messages are missing: not compared."""
+    """Steps with missing messages at the end of a recording that was cut off; not compared."""
     gap: str | None
-    """The step behind the first gap of a recovered recording, in words. It, and all behind it, can't be compared."""
+    """The step after the first gap of a recovered recording, in words. From there on nothing can be compared."""
 
 
-def verify(run: Run, session: Session, team: Team, progress: Callable[[int], None]) -> Verification:
-    """Computes a recording again, up to the first difference.
+def verify(run: Run, session: Session, behaviors: RecordedBehaviors, progress: Callable[[int], None]) -> Verification:
+    """Recomputes a recording up to the first difference.
 
     Args:
         run: the recording.
         session: made of the recorded parameters and policy.
-        team: the behaviors with the recorded trees.
-        progress: told how many steps are done, now and then.
+        behaviors: with the recorded trees.
+        progress: called now and then with the number of steps done.
 
     Raises:
-        BadInput: the recording is damaged, or can't be computed again.
+        BadInput: the recording is damaged, or can't be recomputed.
     """
-    return _Verifier(run, session, team).run(progress)
+    return _Verifier(run, session, behaviors).run(progress)
 
 
 class _Verifier:
-    def __init__(self, run: Run, session: Session, team: Team) -> None:
+    def __init__(self, run: Run, session: Session, behaviors: RecordedBehaviors) -> None:
         self._run = run
-        self._retold = Retold(session)
-        self._team = team
+        self._recorded = RecordedSession(session)
+        self._made = behaviors
         self._world = _codec(run, "WorldState")
         self._output = run.codec("fbql_msgs/msg/BehaviorOutput")
         self._command = _codec(run, "WheelCommand")
@@ -111,11 +129,11 @@ class _Verifier:
             if difference is not None:
                 break
             self._index += 1
-            if self._index % _SAY_STEPS == 0:
+            if self._index % _PROGRESS_STEPS == 0:
                 progress(self._index)
         if difference is None and unfinished is not None and self._run.is_complete:
             difference = self._missing(unfinished)
-        digest = self._retold.session.digest
+        digest = self._recorded.session.digest
         left_over = int(unfinished is not None and difference is None)
         return Verification(self._index, difference, digest, dict(self._not_recomputed), left_over, gap)
 
@@ -124,7 +142,7 @@ class _Verifier:
         try:
             world: World = self._world.decode(parts[0])
             try:
-                self._retold.enter(data.episode, data.step, data.begins_again)
+                self._recorded.enter(data.episode, data.step, data.begins_again)
             except OutOfPlace as error:
                 return self._difference(data, "the schedule", f"episode {data.episode}", str(error))
             outputs: list[BehaviorOutput | None] = []
@@ -136,10 +154,10 @@ class _Verifier:
                 if isinstance(output, _Differs):
                     return self._differs(data, f"the answer of {self._run.behaviors[place]}", output)
                 outputs.append(output)
-            command, decision = self._retold.session.decide(world, outputs)
+            command, decision = self._recorded.session.decide(world, outputs)
         except Malformed as error:
             raise Corrupt(f"{self._run.path}: episode {data.episode}, step {data.step}: {error}") from None
-        # The command follows from the weights: it is looked at last.
+        # The command follows from the weights: it is compared last.
         for what, codec, value, recorded in (
             ("the decision", self._decision, decision, parts[-1]),
             ("the command", self._command, command, parts[-2]),
@@ -147,11 +165,11 @@ class _Verifier:
             differs = _compared(codec, value, recorded)
             if differs is not None:
                 return self._differs(data, what, differs)
-        self._retold.left(world.ended)
+        self._recorded.left(world.ended)
         return None
 
     def _answer(self, place: int, world: World, recorded: bytes) -> BehaviorOutput | _Differs:
-        """The answer computed again; as recorded where it can't be."""
+        """The recomputed answer; the recorded one where it can't be recomputed."""
         codec = self._output
         assert codec is not None
         behavior = self._behaviors[place]
@@ -162,7 +180,7 @@ class _Verifier:
         as_recorded: BehaviorOutput = codec.decode(recorded)
         name = self._run.behaviors[place]
         if behavior is None or as_recorded.tree_hash != behavior.tree.hash:
-            self._behaviors[place] = behavior = self._team.behavior(name, as_recorded.tree_hash)
+            self._behaviors[place] = behavior = self._made.behavior(name, as_recorded.tree_hash)
         if behavior is None:
             self._not_recomputed[name] += 1
             return as_recorded
@@ -183,8 +201,6 @@ class _Verifier:
 
 
 class _Differs(NamedTuple):
-    """A field that differs."""
-
     field: str
     recorded: Any
     recomputed: Any
@@ -193,7 +209,7 @@ class _Differs(NamedTuple):
 def _codec(run: Run, name: str) -> MessageCodec[Any]:
     codec = run.codec(f"fbql_msgs/msg/{name}")
     if codec is None:
-        raise BadInput(f"{run.path}: no {name} messages in it; it can't be computed again")
+        raise BadInput(f"{run.path}: no {name} messages in it; it can't be recomputed")
     return codec
 
 
@@ -202,7 +218,9 @@ def _compared(codec: MessageCodec[Any], value: Any, recorded: bytes) -> _Differs
     if codec.is_ours and codec.encode(value) == recorded:
         return None
     there = codec.decode(recorded)
-    names = sorted(set(value._fields) - codec.missing, key=lambda name: _FIRST.get(name, len(_FIRST)))
+    names = sorted(
+        set(value._fields) - codec.missing, key=lambda name: _CAUSES.index(name) if name in _CAUSES else len(_CAUSES)
+    )
     for name in names:
         was, is_now = getattr(there, name), getattr(value, name)
         if _bits(was) != _bits(is_now):
@@ -210,29 +228,87 @@ def _compared(codec: MessageCodec[Any], value: Any, recorded: bytes) -> _Differs
     return None
 
 
-_FIRST: Mapping[str, int] = {
-    name: rank
-    for rank, name in enumerate(
-        (
-            "observation",
-            "leaf_id",
-            "left_rad_s",
-            "right_rad_s",
-            "joint_state",
-            "reward",
-            "q",
-            "learned_weights",
-            "weights",
-            "driver",
-        )
-    )
-}
+_CAUSES = (
+    *("observation", "leaf_id", "left_rad_s", "right_rad_s"),
+    *("joint_state", "reward", "q", "learned_weights", "weights", "driver"),
+)
+"""Fields in the order in which one follows from another; the others come last."""
 
 
 def _bits(value: Any) -> Any:
-    """What two values that are the same to the last bit have in common: -0.0 is not 0.0, and NaN is NaN."""
+    """A value to compare bit by bit: -0.0 is not 0.0, and NaN equals NaN."""
     if isinstance(value, float):
         return pack("<d", value)
     if isinstance(value, tuple):
         return tuple(map(_bits, value))  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
     return value
+
+
+def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Verifies a run and prints the result. Returns 0 if it is identical, else 1. Raises BadInput, Interrupted."""
+    parameters, notes = recorded_parameters(run)
+    behaviors = RecordedBehaviors(run, recorded_trees(run), know_observations(arguments.observation))
+    session = Session(parameters, recorded_policy(run))
+    total = max(run.counts.values(), default=0)
+    begun_s = monotonic()
+    with closing(LiveLine()) as line:
+
+        def progress(steps: int) -> None:
+            interrupts.check()
+            line.show(f"verified {steps} of {total} steps, {steps / (monotonic() - begun_s):.0f} steps/s")
+
+        found = verify(run, session, behaviors, progress)
+    if found.steps == 0 and found.difference is None:
+        raise BadInput(f"{run.path}: no step in it; there is nothing to verify")
+    seconds = monotonic() - begun_s
+    difference = found.difference or _other_digest(run, found)
+    if difference is not None:
+        notes += changed_software(run, git_revision(ROOT), software_versions())
+    if arguments.json:
+        print_result(json.dumps(_values(run, found, difference, notes, seconds)))
+    else:
+        print_result(_words(found, difference, behaviors.missing, notes, seconds))
+    return DONE if difference is None else FAILED
+
+
+def _other_digest(run: Run, found: Verification) -> Difference | None:
+    """The digest in the run's summary, if it differs: then a world state was changed that nothing depended on."""
+    summary = run.summary
+    if not run.is_complete or summary is None or summary.get("digest") == found.digest:
+        return None
+    return Difference(found.steps, -1, -1, run.end_ns or 0, "digest", summary.get("digest"), found.digest)
+
+
+def _values(
+    run: Run, found: Verification, difference: Difference | None, notes: list[str], seconds: float
+) -> dict[str, Any]:
+    return {
+        "identical": difference is None,
+        "steps": found.steps,
+        "first_difference": None if difference is None else {**asdict(difference), "words": difference.words},
+        "digest": found.digest,
+        "not_recomputed": found.not_recomputed,
+        "unfinished_steps": found.unfinished,
+        "gap": found.gap,
+        "complete": run.is_complete,
+        "notes": [*notes, *run.warnings],
+        "seconds": round(seconds, 3),
+        "steps_per_s": round(found.steps / seconds, 1),
+    }
+
+
+def _words(
+    found: Verification, difference: Difference | None, missing: Mapping[str, str], notes: list[str], seconds: float
+) -> str:
+    lines = [f"identical over {found.steps} steps ({found.steps / seconds:.0f} steps/s)"]
+    if difference is not None:
+        lines = [f"differs: {difference.words}", f"identical over the {found.steps} steps before"]
+    lines += [
+        f"as recorded, not recomputed: {count} answers of {name}: {missing[name]}"
+        for name, count in found.not_recomputed.items()
+    ]
+    if found.gap is not None:
+        lines.append(f"not compared: from {found.gap} on, before which messages are lost")
+    if found.unfinished:
+        lines.append("the last step before the cut is incomplete and was not compared")
+    return "\n".join([*lines, *notes])

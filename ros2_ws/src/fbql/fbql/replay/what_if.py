@@ -1,7 +1,7 @@
-"""What would have been decided: a recording computed again with other parameters, another controller or other trees.
+"""What would have been decided: a recording recomputed with other parameters, another controller or other trees.
 
-Open loop: the world states stay those of the recording. So it tells what would have been decided there and then, and not
-where that would have led; a controller that learns learns from transitions that its own commands did not make.
+Open loop: the world states stay the recorded ones. The result is what would have been decided in each of them, not where
+that would have led; a controller that learns does so from transitions that its own commands did not cause.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand
 from fbql_fusion.core.session import Session
 from fbql_recording import Run, Step
 
-from fbql.replay.recomputation import OutOfPlace, Retold
+from fbql.replay.recomputation import OutOfPlace, RecordedSession
 
 
 class Compared(NamedTuple):
@@ -30,26 +30,26 @@ class Compared(NamedTuple):
 
     @property
     def command_rad_s(self) -> float:
-        """By how much the wheels' commands differ: the larger of left and right [rad/s]."""
+        """The larger difference of the two wheels' commands [rad/s]."""
         recorded, ours = self.step.command, self.command
         assert recorded is not None
         return max(abs(ours.left_rad_s - recorded.left_rad_s), abs(ours.right_rad_s - recorded.right_rad_s))
 
     @property
     def weight(self) -> float:
-        """By how much the weights differ: how much of the whole lies with other behaviors, 0 to 1."""
+        """The share of the weight that other behaviors have, 0 to 1: half the sum of absolute differences."""
         recorded = self.step.decision
         assert recorded is not None
         return sum(abs(a - b) for a, b in zip(self.decision.weights, recorded.weights, strict=True)) / 2.0
 
     @property
     def others(self) -> list[bool]:
-        """For each behavior, whether its leaf or its reference is another."""
+        """For each behavior, whether its leaf or its reference differs."""
         return [_answer(now) != _answer(was) for now, was in zip(self.outputs, self.step.outputs, strict=True)]
 
     @property
     def differs(self) -> bool:
-        """Whether anything differs that the wheels or the learner could tell."""
+        """Whether an answer, a weight or the command differs."""
         recorded = self.step.decision
         assert recorded is not None
         return any(self.others) or self.decision.weights != recorded.weights or self.command_rad_s > 0.0
@@ -63,52 +63,52 @@ def compared(run: Run, session: Session, behaviors: Mapping[str, Behavior]) -> I
     """Every step of a recording, decided by another session.
 
     Args:
-        session: without an end of its own: no number of episodes or goals.
-        behaviors: those that answer by another tree than they did; the others' answers are as they were recorded.
+        session: without a limit on episodes or goals: the recording says when the run ends.
+        behaviors: those with another tree; for the rest, the recorded answers are used.
 
     Raises:
-        BadInput: the recording has a hole, or its messages are not all there.
+        BadInput: the recording has a gap, or messages are missing.
     """
-    retold = Retold(session)
+    recorded = RecordedSession(session)
     others = [behaviors.get(name) for name in run.behaviors]
     for step in run.steps():
         if step.after_gap:
             raise BadInput(
-                f"{run.path}: before episode {step.episode}, step {step.step} something is lost; what comes after it can't "
-                "be decided again"
+                f"{run.path}: messages before episode {step.episode}, step {step.step} are lost; what follows can't be "
+                "recomputed"
             )
         world = step.world
         if world is None or step.command is None or step.decision is None:
             if run.is_complete:
-                raise BadInput(f"{run.path}: episode {step.episode}, step {step.step} is not recorded whole")
-            continue  # a recording that was cut off in the middle of its last step
+                raise BadInput(f"{run.path}: episode {step.episode}, step {step.step} is incomplete")
+            continue  # the recording was cut off within its last step
         try:
-            retold.enter(step.episode, step.step, step.begins_again)
+            recorded.enter(step.episode, step.step, step.begins_again)
         except OutOfPlace as error:
             raise BadInput(
-                f"{run.path}: episode {step.episode}, step {step.step} can't be decided again: {error}"
+                f"{run.path}: episode {step.episode}, step {step.step} can't be recomputed: {error}"
             ) from None
         outputs = [
             output if output is None or other is None else other.answer(world)
             for other, output in zip(others, step.outputs, strict=True)
         ]
         command, decision = session.decide(world, outputs)
-        retold.left(world.ended)
+        recorded.left(world.ended)
         yield Compared(step, outputs, command, decision)
 
 
 @dataclass
-class Tally:
-    """By how much steps differ."""
+class DifferenceTally:
+    """How many steps differ, and by how much."""
 
     behaviors: tuple[str, ...]
     steps: int = 0
     differing: int = 0
     """Steps in which anything differs."""
     leaves: Counter[str] = field(default_factory=Counter[str])
-    """Steps in which a behavior's leaf or reference is another, by its name."""
+    """By behavior: steps in which its leaf or reference differs."""
     drivers: int = 0
-    """Steps in which somebody else drives."""
+    """Steps in which another behavior drives."""
     weights: int = 0
     """Steps with other weights."""
     weight_sum: float = 0.0
@@ -144,7 +144,7 @@ class Tally:
 
     @property
     def values(self) -> dict[str, Any]:
-        """As JSON has it; means are over all steps, None without any."""
+        """As JSON values; means are over all steps, None without any."""
         steps = self.steps
         return {
             "steps": steps,
@@ -172,16 +172,16 @@ def _place(step: Step | None) -> dict[str, int] | None:
 
 @dataclass
 class EpisodeTally:
-    """One episode's differences, with what became of it."""
+    """One episode's differences, and its outcome."""
 
     index: int
     phase: int
-    tally: Tally
+    tally: DifferenceTally
     outcome: str | None = None
 
     @property
     def values(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """As JSON values."""
         return {"episode": self.index, "outcome": self.outcome, **self.tally.values}
 
 
@@ -189,7 +189,7 @@ class Tallies:
     """The differences of a whole recording, and of each of its episodes."""
 
     def __init__(self, behaviors: tuple[str, ...]) -> None:
-        self.whole = Tally(behaviors)
+        self.whole = DifferenceTally(behaviors)
         self.episodes: list[EpisodeTally] = []
         self._last_step = -1
 
@@ -198,7 +198,7 @@ class Tallies:
         step, world = compared.step, compared.step.world
         assert world is not None
         if not self.episodes or self.episodes[-1].index != step.episode or step.step <= self._last_step:
-            tally = Tally(self.whole.behaviors)
+            tally = DifferenceTally(self.whole.behaviors)
             self.episodes.append(EpisodeTally(step.episode, compared.decision.phase, tally))
         self._last_step = step.step
         self.whole.add(compared)

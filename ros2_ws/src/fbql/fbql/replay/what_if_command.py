@@ -1,4 +1,4 @@
-"""`replay.py RUN --set ... --trees ...`: what would have been decided, and where and by how much that differs."""
+"""`replay RUN --set ... --trees ...`: what would have been decided, and where and by how much that differs."""
 
 from __future__ import annotations
 
@@ -25,18 +25,16 @@ from fbql_recording import Run
 
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import know_observations
-from fbql.cli.panel import print_result
-from fbql.cli.progress_line import ProgressLine
+from fbql.cli.output import LiveLine, print_result, writing
 from fbql.match.options import parsed, similar
 from fbql.replay.recomputation import recorded_parameters, recorded_policy
-from fbql.replay.what_if import Compared, Tallies, Tally, compared
-from fbql.replay.what_if_figure import Figure
+from fbql.replay.what_if import Compared, DifferenceTally, Tallies, compared
 
 NO_POLICY = "none"
-_SAY_STEPS = 1024
+_PROGRESS_STEPS = 1024
 _SHOWN_EPISODES = 40
 _ENDLESS = {"episodes": 0, "goals": 0}
-"""The recording says when a run is over."""
+"""The recording says when the run ends."""
 _SUBSUMPTIONS = frozenset({"preset", "wall_threshold_m", "approach_threshold_rad", "layers"})
 _FEATURES = frozenset(
     {
@@ -55,7 +53,7 @@ _LITERALS = frozenset(
 
 
 def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Computes a run with what the arguments change, and prints how that differs. Gives 0. Raises BadInput."""
+    """Recomputes a run with what the arguments change, and prints how that differs. Returns 0. Raises BadInput."""
     recorded, notes = recorded_parameters(run)
     parameters = _changed(recorded, arguments)
     policy = _policy(run, recorded, parameters, arguments.policy, notes)
@@ -64,25 +62,31 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
     changes = {name: [was, now] for name, was in asdict(recorded).items() if (now := asdict(parameters)[name]) != was}
     tallies = Tallies(run.behaviors)
     total = max(run.counts.values(), default=0)
-    figure = Figure(run.behaviors, total)
-    with closing(ProgressLine()) as line, _table(arguments.csv) as file:
+    figure = None
+    if arguments.figure is not None:
+        from fbql.replay.what_if_figure import WhatIfFigure  # matplotlib takes a second, and is an extra
+
+        figure = WhatIfFigure(run.behaviors, total)
+    with closing(LiveLine()) as line, _table(arguments.csv) as file:
         table = None if file is None else _Table(file, run.behaviors)
         for index, step in enumerate(compared(run, session, behaviors), 1):
             tallies.add(step)
-            figure.add(step)
+            if figure is not None:
+                figure.add(step)
             if table is not None:
                 table.add(step)
-            if index % _SAY_STEPS == 0:
+            if index % _PROGRESS_STEPS == 0:
                 interrupts.check()
                 line.show(f"{index} of {total} steps")
     if not tallies.whole.steps:
-        raise BadInput(f"{run.path}: no step in it; there is nothing to compute")
+        raise BadInput(f"{run.path}: it has no steps; there is nothing to recompute")
     notes += _without_part(changes, parameters.controller, session.guided > 0)
     what = ", ".join(f"{name}={now}" for name, (_, now) in changes.items())
     trees = f"trees of {', '.join(behaviors)} from {arguments.trees}" if behaviors else ""
-    title = "; ".join(part for part in (what, trees) if part) or "nothing is changed"
-    if arguments.figure is not None:
-        _write(arguments.figure, figure.svg(f"{run.path.name}: what if {title}"))
+    title = "; ".join(part for part in (what, trees) if part) or "nothing changes"
+    if figure is not None:
+        with writing(arguments.figure):
+            arguments.figure.write_bytes(figure.svg(f"{run.path.name}: what if {title}"))
     if arguments.json:
         values = {"changed": changes, "trees": {name: each.tree.hash for name, each in behaviors.items()}}
         episodes = [each.values for each in tallies.episodes]
@@ -95,7 +99,7 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
 def _changed(recorded: FusionParameters, arguments: argparse.Namespace) -> FusionParameters:
     values = asdict(recorded)
     if arguments.preset:
-        # Thresholds that were given one by one would hide the preset's.
+        # Thresholds that were set one by one would override the preset's.
         values |= {"preset": arguments.preset, "wall_threshold_m": FROM_PRESET, "approach_threshold_rad": FROM_PRESET}
     if arguments.controller:
         values["controller"] = arguments.controller
@@ -145,13 +149,13 @@ def _policy(
         return load_policy(Path(given))
     policy = recorded_policy(run)
     if policy is not None and parameters.controller != recorded.controller:
-        notes.append("the run's policy is another controller's and is left out")
+        notes.append("the run's policy belongs to another controller and is not used")
         return None
     return policy
 
 
 def _behaviors(run: Run, arguments: argparse.Namespace) -> dict[str, Behavior]:
-    """The behaviors that have a tree in the directory that is named."""
+    """The behaviors that have a tree in the directory of --trees."""
     sources = know_observations(arguments.observation)
     if arguments.trees is None:
         return {}
@@ -166,32 +170,29 @@ def _behaviors(run: Run, arguments: argparse.Namespace) -> dict[str, Behavior]:
     return found
 
 
-# What is told
-
-
-def _words(whole: Tally) -> list[str]:
+def _words(whole: DifferenceTally) -> list[str]:
     steps = whole.steps
     if not whole.differing:
-        return [f"the same over all {steps} steps"]
+        return [f"the same in all {steps} steps"]
     lines = [f"differs in {whole.differing} of {steps} steps ({_share(whole.differing, steps)})"]
     first, most = whole.first, whole.most
     if first is not None:
         lines.append(f"first at episode {first.episode}, step {first.step} ({first.stamp_ns / 1e9:.3f} s)")
     for name, count in whole.leaves.items():
         if count:
-            lines.append(f"{name} answers otherwise in {count} steps ({_share(count, steps)})")
+            lines.append(f"{name} answers differently in {count} steps ({_share(count, steps)})")
     if whole.drivers:
-        lines.append(f"somebody else drives in {whole.drivers} steps ({_share(whole.drivers, steps)})")
+        lines.append(f"another behavior drives in {whole.drivers} steps ({_share(whole.drivers, steps)})")
     lines.append(
-        f"weights: other in {whole.weights} steps ({_share(whole.weights, steps)}); "
-        f"moved from one behavior to another: {whole.weight_sum / steps:.3g} on average, {whole.weight_max:.3g} at most"
+        f"weights differ in {whole.weights} steps ({_share(whole.weights, steps)}); "
+        f"share moved to other behaviors: {whole.weight_sum / steps:.3g} on average, {whole.weight_max:.3g} at most"
     )
     lines.append(
-        f"commands: other in {whole.commands} steps ({_share(whole.commands, steps)}); "
+        f"commands differ in {whole.commands} steps ({_share(whole.commands, steps)}); "
         f"by {whole.command_sum_rad_s / steps:.3g} rad/s on average, {whole.command_max_rad_s:.3g} rad/s at most"
     )
     if most is not None:
-        lines.append(f"most at episode {most.episode}, step {most.step} ({most.stamp_ns / 1e9:.3f} s)")
+        lines.append(f"largest at episode {most.episode}, step {most.step} ({most.stamp_ns / 1e9:.3f} s)")
     return lines
 
 
@@ -218,7 +219,7 @@ def _share(count: int, of: int) -> str:
 
 
 class _Table:
-    """Every step as a row: what was recorded beside what would have been."""
+    """A CSV of all steps: what was recorded beside what would have been."""
 
     def __init__(self, file: TextIO, behaviors: Sequence[str]) -> None:
         self._writer = csv.writer(file, lineterminator="\n")
@@ -230,7 +231,7 @@ class _Table:
         self._writer.writerow(columns)
 
     def add(self, compared: Compared) -> None:
-        """Writes a step."""
+        """Writes a row."""
         step = compared.step
         row: list[Any] = [step.episode, step.step, step.stamp_ns, int(compared.differs)]
         row += [compared.weight, compared.command_rad_s]
@@ -249,14 +250,5 @@ class _Table:
 def _table(path: Path | None) -> Any:
     if path is None:
         return nullcontext(None)
-    try:
+    with writing(path):
         return path.open("w", newline="")
-    except OSError as error:
-        raise BadInput(f"{path}: can't be written ({error.strerror})") from None
-
-
-def _write(path: Path, content: str) -> None:
-    try:
-        path.write_text(content)
-    except OSError as error:
-        raise BadInput(f"{path}: can't be written ({error.strerror})") from None

@@ -1,1 +1,1 @@
-"""What `scripts/report.py` and `scripts/compare.py` make of recorded runs: a page, figures, tables."""
+"""What `fbql report` and `fbql compare` make of recorded runs, and `fbql induce` of an induction: pages and figures."""

@@ -1,7 +1,7 @@
-"""Runs side by side: which of them are of one kind over several seeds, and what each kind reached.
+"""Runs side by side: groups of runs that differ only in their seed, and the results of each group.
 
-Runs are of one kind when they have the same controller, trees (by hash), policy before (by hash) and parameters; only the
-seed may differ. Guided episodes, and those that the recording does not tell the end of, are not counted.
+Runs belong to one group if they have the same controller, trees (by hash), initial policy (by hash) and parameters. Guided
+episodes, and those whose end was not recorded, are not counted.
 """
 
 from __future__ import annotations
@@ -36,32 +36,32 @@ _OF_THE_NODE = {field.name for field in fields(FusionNodeParameters)} - {
     field.name for field in fields(FusionParameters)
 }
 _LEFT_OUT = {"fusion": {_SEED, *_OF_THE_NODE}, "simulator": {_SEED, "lockstep_timeout_s"}}
-"""Parameters that tell nothing of how a match goes: paths, time-outs, what is recorded."""
+"""Parameters without influence on the match: paths, time-outs, what is recorded."""
 MEASURES = {
     "success_rate": ("goals", "episodes"),
     "cost_per_goal": ("steps", "goals"),
     "own_goals_per_episode": ("own_goals", "episodes"),
     "collisions_per_episode": ("collisions", "episodes"),
 }
-"""Ratios of sums over the runs of a kind."""
+"""Name -> numerator and denominator: ratios of sums over the runs of a group."""
 
 
 @dataclass(frozen=True)
-class Reached:
-    """One run: what it was, and what it reached."""
+class RunResult:
+    """One run: its setting and its counts."""
 
     name: str
     controller: str
     seed: int | None
     setting: Mapping[str, str]
-    """What makes its kind: controller, trees, policy and parameters, by name, as texts."""
+    """What defines its group: controller, trees, policy and parameters, by name, as texts."""
     counts: Mapping[str, int]
     """episodes, goals, own_goals, timeouts, steps, collisions, contact_steps."""
     digest: str | None
     is_complete: bool
 
     def ratio(self, measure: str) -> float | None:
-        """A measure of this run; None is "n/a"."""
+        """A measure of this run; None: not available."""
         numerator, denominator = (self.counts[name] for name in MEASURES[measure])
         return numerator / denominator if denominator else None
 
@@ -82,16 +82,16 @@ class Reached:
 
 
 @dataclass
-class Kind:
-    """Runs of one kind."""
+class Group:
+    """Runs that differ only in their seed."""
 
     letter: str
-    runs: list[Reached]
+    runs: list[RunResult]
     label: str = ""
-    """What tells it from the others."""
+    """What distinguishes it from the other groups."""
 
     def interval(self, measure: str) -> Interval | None:
-        """The ratio of sums over the runs, with its 95 % interval where there is more than one; None is "n/a"."""
+        """The ratio of sums over the runs, with its 95 % interval if there are several; None: not available."""
         names = MEASURES[measure]
         numerators, denominators = ([run.counts[name] for run in self.runs] for name in names)
         if not sum(denominators):
@@ -100,7 +100,7 @@ class Kind:
 
     @property
     def row(self) -> dict[str, Any]:
-        """The kind as a row of a table: each measure with the ends of its interval."""
+        """The group as a row of a table: each measure with the ends of its interval."""
         row: dict[str, Any] = {"kind": self.letter, "runs": len(self.runs)}
         for measure in MEASURES:
             found = self.interval(measure)
@@ -114,14 +114,14 @@ def _finite(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
-def reached(run: Run) -> Reached:
+def result_of(run: Run) -> RunResult:
     """Reads a run to its end. Raises Corrupt."""
     episodes = [episode for episode in counted(run.episodes()) if episode.outcome is not None]
     outcomes = [episode.outcome for episode in episodes]
     fusion = run.parameters.get("fusion", {})
     seed = fusion.get(_SEED) if isinstance(fusion, Mapping) else None
     setting = _setting(run)
-    return Reached(
+    return RunResult(
         plain(run.path.name),
         setting["controller"],
         seed if isinstance(seed, int) else None,
@@ -141,7 +141,7 @@ def reached(run: Run) -> Reached:
 
 
 def _setting(run: Run) -> dict[str, str]:
-    """What makes the kind of a run, by name. A hash stands for a file."""
+    """What defines the group of a run, by name. A hash stands for a file."""
     setting = {"controller": "n/a"}
     for node, left_out in _LEFT_OUT.items():
         parameters = run.parameters.get(node)
@@ -157,37 +157,37 @@ def _setting(run: Run) -> dict[str, str]:
 
 
 def _tree_hash(data: bytes) -> str:
-    """The hash of a tree; that of its bytes where they are none."""
+    """The hash of a tree; that of the bytes if they are not a tree."""
     try:
         return tree_from_bytes(data).hash
     except BadInput:
         return hashlib.sha256(data).hexdigest()
 
 
-def kinds_of(runs: Sequence[Reached]) -> tuple[list[Kind], list[str]]:
-    """The kinds in the order in which they come up, and what is to be noted.
+def groups_of(runs: Sequence[RunResult]) -> tuple[list[Group], list[str]]:
+    """The groups in the order of their first runs, and notes.
 
-    A run that is there twice (the same kind, seed and digest) is counted once: it is no second seed.
+    A run that occurs twice (same group, seed and digest) is counted once: it is not another seed.
     """
     notes: list[str] = []
-    by_setting: dict[tuple[tuple[str, str], ...], Kind] = {}
+    by_setting: dict[tuple[tuple[str, str], ...], Group] = {}
     for run in runs:
-        kind = by_setting.setdefault(tuple(sorted(run.setting.items())), Kind(_letter(len(by_setting)), []))
-        twin = next((each for each in kind.runs if run.seed is not None and each.seed == run.seed), None)
+        group = by_setting.setdefault(tuple(sorted(run.setting.items())), Group(_letter(len(by_setting)), []))
+        twin = next((each for each in group.runs if run.seed is not None and each.seed == run.seed), None)
         if twin is not None and run.digest is not None and twin.digest == run.digest:
             notes.append(
-                f"{run.name} is {twin.name} once more (seed {run.seed}, digest {run.digest[:8]}); counted once"
+                f"{run.name} is the same run as {twin.name} (seed {run.seed}, digest {run.digest[:8]}); counted once"
             )
             continue
         if twin is not None:
-            notes.append(f"{run.name} and {twin.name} have the same seed {run.seed} and other digests")
-        kind.runs.append(run)
-    kinds = list(by_setting.values())
-    for kind, label in zip(kinds, _labels(kinds), strict=True):
-        kind.label = label
-    if any(1 < len(kind.runs) < FEW_RUNS for kind in kinds):
-        notes.append(f"intervals over fewer than {FEW_RUNS} runs are too narrow: take more seeds")
-    return kinds, notes
+            notes.append(f"{run.name} and {twin.name} have the same seed, {run.seed}, but different digests")
+        group.runs.append(run)
+    groups = list(by_setting.values())
+    for group, label in zip(groups, _labels(groups), strict=True):
+        group.label = label
+    if any(1 < len(group.runs) < FEW_RUNS for group in groups):
+        notes.append(f"intervals over fewer than {FEW_RUNS} runs are too narrow; add seeds")
+    return groups, notes
 
 
 def _letter(place: int) -> str:
@@ -195,9 +195,9 @@ def _letter(place: int) -> str:
     return (_letter(place // 26 - 1) if place >= 26 else "") + chr(ord("A") + place % 26)
 
 
-def _labels(kinds: Sequence[Kind]) -> list[str]:
-    """What tells the kinds apart: the controller, and every setting that is not the same in all of them."""
-    settings = [kind.runs[0].setting for kind in kinds]
+def _labels(groups: Sequence[Group]) -> list[str]:
+    """What distinguishes the groups: the controller, and every setting that is not the same in all of them."""
+    settings = [group.runs[0].setting for group in groups]
     names = sorted({name for setting in settings for name in setting} - {"controller"})
     differing = [name for name in names if len({setting.get(name) for setting in settings}) > 1]
     labels: list[str] = []
@@ -216,43 +216,43 @@ def _short(name: str, value: str | None) -> str:
 
 @dataclass(frozen=True)
 class Pair:
-    """A kind against the first one, seed by seed: runs of the same seed have the same starts."""
+    """A group against the first one, seed by seed: runs with the same seed have the same starts."""
 
     letter: str
     against: str
     seeds: int
     cost_ratio: float | None
-    """Steps for each goal over those of the other, over the seeds that both have; None without a goal."""
+    """Steps per goal, divided by the other group's, over the seeds that both have; None without a goal."""
     p: float | None
-    """Of the paired test that both cost the same; None with fewer than two seeds."""
+    """p of the paired test that both cost the same; None with fewer than two seeds."""
 
 
-def pairs_of(kinds: Sequence[Kind]) -> list[Pair]:
-    """Every kind against the first."""
-    if not kinds:
+def pairs_of(groups: Sequence[Group]) -> list[Pair]:
+    """Every group against the first."""
+    if not groups:
         return []
-    first = {run.seed: run for run in kinds[0].runs if run.seed is not None}
+    first = {run.seed: run for run in groups[0].runs if run.seed is not None}
     pairs: list[Pair] = []
-    for kind in kinds[1:]:
-        both = [(run, first[run.seed]) for run in kind.runs if run.seed in first]
+    for group in groups[1:]:
+        both = [(run, first[run.seed]) for run in group.runs if run.seed in first]
         costs = [_cost([pair[side] for pair in both]) for side in (0, 1)]
         ratio = costs[0] / costs[1] if costs[0] is not None and costs[1] else None
-        # A run without a goal costs what it took, as in fbql.statistics.runs.
+        # A run without a goal costs all its steps, as in fbql.statistics.runs.
         ours, theirs = (
             [pair[side].counts["steps"] / max(pair[side].counts["goals"], 1) for pair in both] for side in (0, 1)
         )
         p = _finite(paired_p_value(ours, theirs))
-        pairs.append(Pair(kind.letter, kinds[0].letter, len(both), ratio, p))
+        pairs.append(Pair(group.letter, groups[0].letter, len(both), ratio, p))
     return pairs
 
 
-def _cost(runs: Sequence[Reached]) -> float | None:
+def _cost(runs: Sequence[RunResult]) -> float | None:
     goals = sum(run.counts["goals"] for run in runs)
     return sum(run.counts["steps"] for run in runs) / goals if goals else None
 
 
 def name_of(path: Path, others: Sequence[Path]) -> str:
-    """What a run is called: its last name, or as much of its path as tells it from the others."""
+    """The name of a run: the last part of its path, or as many parts as distinguish it from the others."""
     for count in range(1, len(path.parts) + 1):
         name = Path(*path.parts[-count:])
         if sum(Path(*other.parts[-count:]) == name for other in others) == 1:

@@ -1,4 +1,4 @@
-"""What a report tells of a run: its steps as packed blocks, and everything that is needed to put them in words."""
+"""The contents of a report: the steps of a run as packed blocks, and everything needed to put them into words."""
 
 from __future__ import annotations
 
@@ -19,50 +19,49 @@ from fbql_recording import Columns, Episode, Run, Step
 from fbql_recording.core.columns import BLOCK_STEPS, block_of
 from fbql_recording.core.packing import FLOAT32, Packing, pack
 
-from fbql.report.meanings import FEATURES
-from fbql.report.texts import plain
+from fbql.report.texts import FEATURES, plain
 
 UNIT = 1e-4
-"""Of everything that is not counted: 0.1 mm, 0.1 mm/s, 1e-4 rad, 1e-4 rad/s, 1e-4 of a weight, 0.1 ms."""
+"""Unit of every measured number: 0.1 mm, 0.1 mm/s, 1e-4 rad, 1e-4 rad/s, 1e-4 of a weight, 0.1 ms."""
 _EXACT = ("q", "reward")
-"""Kept as float32: nobody knows how large or how small they are."""
+"""Kept as float32: their range is not known."""
 _MOST = 1000
-"""Names of controllers, trees and the like that are told apart."""
+"""At most this many names of controllers, trees and the like are listed."""
 _DAY_NS = 24 * 3600 * 10**9
 
 
 @dataclass
 class Contents:
-    """What is told of a run. It grows while the steps are read."""
+    """The contents of a run's report; they grow while the steps are read."""
 
     run: Run
     episodes: list[Episode] = field(default_factory=list[Episode])
     trees: dict[str, Tree] = field(default_factory=dict[str, Tree])
     """By hash: those in the recording."""
     notes: list[str] = field(default_factory=list[str])
-    """What is wrong, beside the warnings of the run."""
+    """Problems, in addition to the warnings of the run."""
     steps: int = 0
     controllers: list[str] = field(default_factory=list[str])
     commands: list[str] = field(default_factory=list[str])
-    """What commands do, in words, in the order in which they came up."""
+    """What commands do, in words, in order of appearance."""
     tree_hashes: list[str] = field(default_factory=list[str])
-    """Of the trees that behaviors answered with."""
+    """Of the trees that behaviors answered with, in order of appearance."""
     blocks: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
-    """For each block its steps, and which of the `packings` it has."""
+    """For each block its number of steps, and the index of its packing in `packings`."""
     packings: list[tuple[Packing, ...]] = field(default_factory=list[tuple[Packing, ...]])
     zero_ns: int = 0
-    """The stamp from which seconds are counted: 0 in simulated time."""
+    """The stamp from which seconds are counted; 0 in simulated time."""
 
 
 def read_contents(run: Run, out: TextIO, progress: Callable[[int], None]) -> Contents:
-    """Reads a run from its first step to its last, once; a block of steps at a time is in memory.
+    """Reads a run once from its first step to its last, with one block of steps in memory.
 
     Args:
         out: gets a line of base64 for each block.
-        progress: told how many steps are read, now and then.
+        progress: called now and then with the number of steps read.
 
     Raises:
-        BadInput: there is no step in it; `Corrupt`.
+        BadInput: the run has no steps; `Corrupt`.
     """
     contents = Contents(run)
     for name, data in run.attachments.items():
@@ -88,7 +87,7 @@ def read_contents(run: Run, out: TextIO, progress: Callable[[int], None]) -> Con
     if block:
         _write(contents, block, out)
     if not contents.steps:
-        raise BadInput(f"{run.path}: no step in it; there is nothing to report")
+        raise BadInput(f"{run.path}: it has no steps; there is nothing to report")
     return contents
 
 
@@ -111,9 +110,9 @@ def unit_of(name: str, column: Any) -> float:
 
 
 def block_columns(contents: Contents, steps: list[Step]) -> Columns:
-    """The columns of docs/recordings.md, flat: weights.0 is the weight of the first behavior; and some of our own.
+    """The columns of docs/recordings.md, flat (weights.0 is the weight of the first behavior), and some more.
 
-    Ours: time_s, and as indices tree.K (the tree that behavior K answered with), controller, command_words.
+    These are time_s, begins_again, and as indices tree.K (the tree that behavior K answered with), controller, command_words.
     """
     behaviors = contents.run.behaviors
     columns: Columns = {}
@@ -152,7 +151,7 @@ def _tree(contents: Contents, step: Step, behavior: int) -> int:
 
 
 def _place(known: list[str], value: str) -> int:
-    """Where a value stands in a list that grows with what comes up; -1 where there are too many to list."""
+    """The index of a value in a list, which grows if it is new; -1 if the list is full."""
     if value in known:
         return known.index(value)
     if len(known) == _MOST:
@@ -162,7 +161,7 @@ def _place(known: list[str], value: str) -> int:
 
 
 def page_data(contents: Contents) -> dict[str, Any]:
-    """What the page's program is told beside the blocks, as JSON values."""
+    """The data of the page's script in addition to the blocks, as JSON values."""
     return {
         "behaviors": [plain(name) for name in contents.run.behaviors],
         "steps": contents.steps,
@@ -205,7 +204,7 @@ def _finite(value: float | None) -> float | None:
 
 
 def _tree_words(tree: Tree | None) -> dict[str, Any] | None:
-    """Each leaf in words: where, and what the robot does there. None: the tree is not in the recording."""
+    """Each leaf in words: where it is, and what the robot does there. None: the tree is not in the recording."""
     if tree is None:
         return None
     return {
@@ -218,5 +217,5 @@ def _tree_words(tree: Tree | None) -> dict[str, Any] | None:
 
 
 def counted(episodes: Iterable[Episode]) -> list[Episode]:
-    """The episodes that count: guided ones are listed, but not counted."""
+    """The episodes that count: all but the guided ones."""
     return [episode for episode in episodes if episode.phase != "guided"]

@@ -1,47 +1,36 @@
-"""A run as figures in the manner of the paper's Figs. 10 to 14, PDF and SVG, with the numbers beside them as CSV.
+"""A run as figures in the manner of the paper's Figs. 10 to 14, as PDF and SVG, with their numbers as CSV.
 
-Each success (goal) of the run is a point: what it took since the one before; the lines are moving averages over
-`fbql.statistics.courses.WINDOW` successes, from the first on that has so many. Guided episodes are left out.
+Each success (goal) of the run is a point: what it took since the one before. Lines are moving averages over
+`fbql.statistics.courses.WINDOW` successes, beginning with the first full window. Guided episodes are left out.
 """
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from fbql_recording import Episode
 from fbql_recording.core.metrics import OUTCOMES
 from matplotlib import rc_context
-from matplotlib.backends.backend_pdf import FigureCanvasPdf
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from fbql.pictures.style import BLUE, ORANGE, STYLE, pdf_bytes, svg_bytes, text
 from fbql.report.contents import counted
 from fbql.statistics.courses import MEASURES, WINDOW, moving_average, successes_of
 
-STYLE = {
-    "font.size": 9,
-    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial"],
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "report",
-    "pdf.fonttype": 42,
-}
 FIGURES = {
     "success_steps": ("steps of a success", ("all steps", "steps")),
     "success_collisions": ("collisions of a success", ("collisions begun",)),
     "success_failures": ("failures before a success", ("failures",)),
     "success_rate": ("success rate", ("success rate",)),
 }
-"""Name of a figure -> the label of its axis, and which of the measures it shows."""
+"""Name of a figure -> the label of its axis, and the measures that it shows."""
 NUMBERS = "successes.csv"
 _LABELS = {"all steps": "with the failures before it", "steps": "of the episode that ended with it"}
-_LINES = (("#0072B2", "-"), ("#D55E00", "--"))
+_LINES = ((BLUE, "-"), (ORANGE, "--"))
 
 
 def course_of(episodes: Sequence[Episode]) -> list[tuple[int, int, int, int]]:
@@ -54,20 +43,15 @@ def course_of(episodes: Sequence[Episode]) -> list[tuple[int, int, int, int]]:
 
 
 def write_figures(episodes: Sequence[Episode], title: str, directory: Path) -> list[Path]:
-    """Writes every figure and the numbers that they show; gives the files. Raises OSError."""
+    """Writes every figure and the numbers that they show. Returns the files. Raises OSError."""
     table = successes_of(course_of(episodes))
     files = [_write_numbers(table, directory / NUMBERS)]
     with rc_context(STYLE):
         for name, (label, measures) in FIGURES.items():
             figure = _figure(table, title, label, measures)
-            for ending, canvas, dates in (
-                ("pdf", FigureCanvasPdf(figure).print_pdf, {"CreationDate": None, "Creator": None, "Producer": None}),
-                ("svg", FigureCanvasSVG(figure).print_svg, {"Date": None, "Creator": None}),
-            ):
-                data = BytesIO()
-                canvas(data, metadata=dates)
+            for ending, content in (("pdf", pdf_bytes(figure)), ("svg", svg_bytes(figure))):
                 files.append(directory / f"{name}.{ending}")
-                files[-1].write_bytes(data.getvalue())
+                files[-1].write_bytes(content)
     return files
 
 
@@ -80,14 +64,14 @@ def _figure(table: NDArray[Any], title: str, label: str, measures: Sequence[str]
     for measure, (colour, dashes) in zip(measures, _LINES, strict=False):
         column = MEASURES.index(measure)
         each, mean = table[:, column], means[:, column]
-        if measure == "success rate":  # the table has the episodes that a success took
+        if measure == "success rate":  # the table holds episodes per success
             mean = 1.0 / mean
         else:
             axes.plot(at, each, "o" if dashes == "-" else "x", color=colour, ms=2.5, alpha=0.6)
         axes.plot(at_means, mean, dashes, color=colour, label=_LABELS.get(measure))
     if not len(table):
         axes.text(0.5, 0.5, "n/a: no goal", transform=axes.transAxes, ha="center")
-    axes.set_title(title.replace("$", r"\$"), fontsize=8)
+    axes.set_title(text(title), fontsize=8)
     axes.set_xlabel(f"success (line: moving average over {WINDOW})")
     axes.set_ylabel(label)
     axes.set_ylim(bottom=0, top=1.05 if measures == ("success rate",) else None)
@@ -98,7 +82,7 @@ def _figure(table: NDArray[Any], title: str, label: str, measures: Sequence[str]
 
 
 def _write_numbers(table: NDArray[Any], path: Path) -> Path:
-    """What the figures show: for each success its measures, and their moving averages, empty where there are none yet."""
+    """What the figures show: the measures of each success, and their moving averages, empty until there is a full window."""
     names = [measure.replace(" ", "_") for measure in MEASURES[:-1]]
     head = ["success", *names, "episodes", *(f"mean_{name}" for name in names), "mean_success_rate"]
     with path.open("w", newline="") as file:

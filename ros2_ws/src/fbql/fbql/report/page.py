@@ -1,38 +1,43 @@
-"""The report of a run: one HTML page that stands alone and asks no network for anything.
+"""The report of a run: one HTML page that stands alone and makes no network request.
 
-Its security policy says so to the browser too: no request is allowed, and no program but the page's own runs.
+Its security policy tells the browser so too: no request is allowed, and no script but the page's own runs.
 """
 
 from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from string import Template
 from tempfile import TemporaryFile
-from typing import TextIO
+from typing import Any, TextIO
 
-from fbql_recording import Run
+from fbql_common.core.errors import BadInput
+from fbql_common.core.parameters import from_mapping
+from fbql_fusion.core.parameters import FusionParameters
+from fbql_recording import Episode, Run
 
-from fbql.report import sections
-from fbql.report.contents import Contents, page_data, read_contents
-from fbql.report.texts import html, json_for_html
+from fbql.cli.words import percent
+from fbql.report.contents import UNIT, Contents, counted, page_data, read_contents
+from fbql.report.texts import CONTROLLERS, FEATURES, NOT_AVAILABLE, html, json_for_html, table, value_text
 
 ASSETS = Path(__file__).parent / "assets"
 PROGRAM = ("data.js", "surface.js", "field.js", "moment.js", "timelines.js", "player.js", "main.js")
-"""In the order in which they need each other."""
+"""In the order of their dependencies."""
+OUTCOMES = {"goal": ("●", "goal"), "own_goal": ("✕", "own goal"), "timeout": ("◆", "time limit")}
+"""A sign and a word: never a colour alone."""
 
 
 def write_page(run: Run, out: TextIO, progress: Callable[[int], None]) -> Contents:
-    """Writes the report of a run. The steps are read once, and go by way of a temporary file.
+    """Writes the report of a run. The steps are read once, and pass through a temporary file.
 
     Args:
-        out: where to.
-        progress: told how many steps are read, now and then; what it raises ends the writing.
+        out: where the page is written.
+        progress: called now and then with the number of steps read; what it raises ends the writing.
 
     Raises:
-        BadInput: there is no step in it; `Corrupt`.
+        BadInput: the run has no steps; `Corrupt`.
     """
     with TemporaryFile("w+", encoding="ascii") as blocks:
         contents = read_contents(run, blocks, progress)
@@ -45,13 +50,13 @@ def write_page(run: Run, out: TextIO, progress: Callable[[int], None]) -> Conten
             style=style,
             title=html(run.path.name),
             headline=_headline(contents),
-            tiles=sections.tiles(contents),
-            warnings=sections.warnings(contents),
-            senses=sections.senses(contents),
-            controllers=sections.controllers(contents),
-            episodes=sections.episodes(contents),
-            about=sections.about(contents, sections.file_digests(run)),
-            precision=sections.precision(),
+            tiles=tiles(contents),
+            warnings=_warnings(contents),
+            senses=_senses(contents),
+            controllers=_controllers(contents),
+            episodes=_episodes(contents),
+            about=_about(contents, _file_digests(run)),
+            precision=_precision(),
             data=json_for_html(page_data(contents)),
             program=program,
             blocks="\0",
@@ -76,3 +81,183 @@ def _headline(contents: Contents) -> str:
     parts.append(f"seed {seed if isinstance(seed, int) else 'n/a'}")
     parts.append(f"{contents.steps} steps in {len(contents.episodes)} episodes")
     return html(" · ".join(parts))
+
+
+def tiles(contents: Contents) -> str:
+    """The result in numbers, counted from the recording."""
+    episodes = counted(contents.episodes)
+    outcomes = [episode.outcome for episode in episodes]
+    known = any(outcomes)
+    goals = outcomes.count("goal")
+    steps = sum(episode.steps for episode in episodes)
+    guided = len(contents.episodes) - len(episodes)
+
+    def number(outcome: str) -> str:
+        return f"{outcomes.count(outcome)}" if known else NOT_AVAILABLE
+
+    values = [
+        ("episodes", f"{len(episodes)}", f"and {guided} guided, not counted" if guided else ""),
+        ("goals", number("goal"), f"{percent(goals / len(episodes))} of the episodes" if known else ""),
+        ("own goals", number("own_goal"), ""),
+        ("time limits", number("timeout"), ""),
+        ("steps per goal", f"{steps / goals:.0f}" if goals else NOT_AVAILABLE, "of all episodes"),
+        ("collisions", _sum(episode.collisions_begun for episode in episodes), "with a wall"),
+    ]
+    parts = [f"<li><b>{value}</b> {name}<small>{note}</small></li>" for name, value, note in values]
+    return f'<ul class="tiles">{"".join(parts)}</ul>'
+
+
+def _sum(values: Iterable[int | None]) -> str:
+    known = [value for value in values if value is not None]
+    return f"{sum(known)}" if known else NOT_AVAILABLE
+
+
+def _warnings(contents: Contents) -> str:
+    """What is wrong with the recording; empty if it is complete."""
+    lines = [*contents.run.warnings, *contents.notes]
+    if not lines:
+        return ""
+    items = "".join(f"<li>{html(line)}</li>" for line in lines)
+    return f'<section class="warnings" role="note"><h2>⚠ This recording is incomplete</h2><ul>{items}</ul></section>'
+
+
+def _controllers(contents: Contents) -> str:
+    """What the controllers of the run do, in words, and what triggers the layers of Subsumption."""
+    parts = [
+        f"<p><b>{html(name)}.</b> {html(CONTROLLERS[name])}</p>" for name in contents.controllers if name in CONTROLLERS
+    ]
+    guided = any(episode.phase == "guided" for episode in contents.episodes)
+    if guided:
+        parts.append("<p>In <b>guided</b> episodes Subsumption drives, and the controller learns from it.</p>")
+    if guided or "subsumption" in contents.controllers:
+        parts.append(_layers(contents.run))
+    return "\n".join(parts)
+
+
+def _senses(contents: Contents) -> str:
+    """What the features in the rules mean, as far as they are ours."""
+    names = {feature.name for tree in contents.trees.values() for feature in tree.features}
+    known = [
+        f"<div><dt>{name.replace('_', ' ')}</dt><dd>{FEATURES[name]}</dd></div>" for name in FEATURES if name in names
+    ]
+    return (
+        f'<p>What they sense; left and right are as the robot sees it:</p><dl class="senses">{"".join(known)}</dl>'
+        if known
+        else ""
+    )
+
+
+def _layers(run: Run) -> str:
+    found = run.parameters.get("fusion", {})
+    names = ("behaviors", "layers", "preset", "wall_threshold_m", "approach_threshold_rad")
+    try:
+        values = {name: found[name] for name in names if name in found}
+        parameters = from_mapping(FusionParameters, values, "config.yaml")
+        wall_m, approach_rad = parameters.thresholds
+    except (BadInput, TypeError, ValueError, KeyError):
+        return ""
+    triggers = {
+        "wall_avoiding": f"the wall is nearer than {wall_m:.4g} m",
+        "approaching": f"the ball-to-goal line is more than {approach_rad:.4g} rad ({_degrees(approach_rad)}) off",
+    }
+    layers = [
+        f"<li>{html(name)}: when {triggers.get(name, 'what it senses is inside its tree')}</li>"
+        for name in parameters.layers
+        if name in parameters.behaviors
+    ]
+    return f"<p>The layers of Subsumption; the first one that is triggered drives:</p><ol>{''.join(layers)}</ol>"
+
+
+def _degrees(rad: float) -> str:
+    return f"{rad * 57.29577951308232:.1f}°"
+
+
+def _episodes(contents: Contents) -> str:
+    """Every episode; its number is a button that goes there."""
+    head = ("episode", "phase", "outcome", "steps", "collisions", "steps in contact", "return", "seed")
+    rows = [_episode_row(index, episode) for index, episode in enumerate(contents.episodes)]
+    listed = table("Every episode of the recording", head, rows, (3, 4, 5, 6, 7))
+    return f'<div class="scrolls" tabindex="0" role="region" aria-label="Table of the episodes">{listed}</div>'
+
+
+def _episode_row(place: int, episode: Episode) -> list[str]:
+    sign, word = OUTCOMES.get(episode.outcome or "", ("–", NOT_AVAILABLE))
+    number = f'<button type="button" class="link" data-episode="{place}">{episode.index}</button>'
+    degraded = ' <abbr title="a step or an answer was missing: not all of it could be learned from">degraded</abbr>'
+    return_ = NOT_AVAILABLE if episode.return_ is None else f"{episode.return_:.4g}"
+    return [
+        number,
+        html(value_text(episode.phase)) + (degraded if episode.degraded else ""),
+        f"{sign} {word}",
+        f"{episode.steps}",
+        value_text(episode.collisions_begun),
+        value_text(episode.collision_steps),
+        return_,
+        value_text(episode.seed),
+    ]
+
+
+def _about(contents: Contents, digests: Mapping[str, str]) -> str:
+    """The origin of the run: versions, hashes, every parameter.
+
+    Args:
+        digests: SHA-256 by the name of each file.
+    """
+    run = contents.run
+    summary = run.summary or {}
+    facts: list[tuple[str, Any]] = [
+        ("digest of every step", summary.get("digest")),
+        ("git revision", run.config.get("git_revision")),
+        *((f"version of {name}", version) for name, version in _mapping(run.config.get("versions")).items()),
+        ("steps in the recording", contents.steps),
+        ("complete", run.is_complete),
+    ]
+    parts = [_facts("What it was made with", facts)]
+    parts.append(_facts("SHA-256 of the files", digests.items(), code=True))
+    parts.append(
+        _facts("Hashes of the trees", ((_tree_name(contents, each), each) for each in contents.tree_hashes), True)
+    )
+    parts.append(_facts("Messages recorded", run.counts.items()))
+    for node, parameters in run.parameters.items():
+        parts.append(_facts(f"Parameters of {html(node)}", _mapping(parameters).items()))
+    if not run.parameters:
+        parts.append(f"<p>Parameters: {NOT_AVAILABLE}, the recording has none.</p>")
+    return "\n".join(parts)
+
+
+def _file_digests(run: Run) -> dict[str, str]:
+    """SHA-256 of the recording's files and of what is attached in it."""
+    digests: dict[str, str] = {}
+    for path in run.files:
+        with path.open("rb") as file:
+            digests[path.name] = hashlib.file_digest(file, "sha256").hexdigest()
+    return digests | {name: hashlib.sha256(data).hexdigest() for name, data in run.attachments.items()}
+
+
+def _tree_name(contents: Contents, tree_hash: str) -> str:
+    tree = contents.trees.get(tree_hash)
+    return f"{tree.behavior}, {tree.leaf_count} leaves" if tree is not None else "not in the recording"
+
+
+def _facts(caption: str, facts: Iterable[tuple[str, Any]], code: bool = False) -> str:
+    rows = [
+        (html(name), f"<code>{html(value_text(value))}</code>" if code else html(value_text(value)))
+        for name, value in facts
+    ]
+    if not rows:
+        return ""
+    return f"<details><summary>{caption}</summary>{table(caption, ('name', 'value'), rows)}</details>"
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}
+
+
+def _precision() -> str:
+    """How the numbers on the page are rounded."""
+    return (
+        f"<p>Numbers on this page come from the recording, rounded to 0.1 mm, 0.1 mm/s, {UNIT:g} rad, {UNIT:g} rad/s, "
+        f"{UNIT:g} of a weight and 0.1 ms; Q and rewards to 7 digits. What was not recorded is {NOT_AVAILABLE}. The "
+        "arrows in the field, where the robot would go in the next quarter of a second, are computed from the wheel velocities. "
+        "The field's lines and the sizes of robot and ball are those of the project that wrote this page.</p>"
+    )

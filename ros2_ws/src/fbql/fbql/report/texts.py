@@ -1,4 +1,7 @@
-"""Texts from a recording, made safe to show. Whoever made the recording chose its names; they are never markup here."""
+"""Texts of reports: what controllers and features mean, and texts from recordings made safe to show.
+
+Whoever made a recording chose the names in it; here they are never markup.
+"""
 
 from __future__ import annotations
 
@@ -13,45 +16,71 @@ MAX_CHARACTERS = 400
 _MAX_ITEMS = 64
 _MAX_DEPTH = 3
 
+CONTROLLERS = {
+    "subsumption": "One behavior drives alone: the first of the layers that is triggered.",
+    "uniform": "All behaviors drive together: the command is the mean of their references.",
+    "fbql_literal": "All behaviors drive together: the command is the sum of their references, each times its weight. The "
+    "weights belong to the joint state (the leaves of all behaviors) and change by the paper's equations 5 and 6.",
+    "fbql": "One behavior drives alone for some steps (fbql_hold_steps); it is chosen by learned weights, which depend on "
+    'the joint state (the leaves of all behaviors) and on what is sensed. "weight" is the choice: 1 for who drives. It '
+    "learns no Q.",
+    "fbql_value": "One behavior drives alone for some steps (fbql_value_hold_steps); it is chosen by weights that follow Q, the "
+    "learned value of each behavior, which depends on the joint state (the leaves of all behaviors) and on what is sensed. "
+    '"weight" is the choice: 1 for who drives.',
+}
+"""What a controller does, for a reader who only knows the paper; by the name in a decision."""
+
+FEATURES = {
+    "ball_distance": "how far the ball is away",
+    "ball_bearing": "on which side of the robot the ball is; 0 is straight ahead",
+    "wall_distance": "how far the closest point of the walls is away",
+    "wall_bearing": "on which side of the robot that point is",
+    "detour_heading_error": "on which side of the robot the way round the ball is (in the rules: the detour): straight at the "
+    "ball when that pushes it at the goal, else past it on the side that leads behind it",
+    "approach_angle": "how far the line from the ball to the goal (in the rules: the ball-to-goal line) turns from the line "
+    "from the robot to the ball; 0 means that driving at the ball pushes it at the goal",
+}
+"""What a feature of our behaviors means; by the name in a tree."""
+
 
 def plain(text: object) -> str:
-    """A text without control characters or such as turn the direction of writing, and not too long to show."""
+    """A text without control characters and changes of writing direction, and not too long to show."""
     shown = "".join(character if character.isprintable() else " " for character in str(text)[: MAX_CHARACTERS + 1])
     return shown if len(shown) <= MAX_CHARACTERS else f"{shown[:MAX_CHARACTERS]} ..."
 
 
 def html(text: object) -> str:
-    """A text as it may stand in HTML, between tags or in an attribute."""
+    """A text escaped for HTML, between tags or in an attribute."""
     return escape(plain(text))
 
 
 def value_text(value: object, depth: int = 0) -> str:
-    """A value of a parameter as a text. Only so much of it is shown as there is room for: YAML can nest without end."""
+    """A value of a parameter as a text, cut to a few items and levels: YAML can nest without end."""
     if value is None:
         return NOT_AVAILABLE
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Mapping):
-        items = [f"{plain(name)}: {value_text(each, depth + 1)}" for name, each in _some(value.items(), depth)]
+        items = [f"{plain(name)}: {value_text(each, depth + 1)}" for name, each in _first(value.items(), depth)]
         return f"{{{', '.join(items)}}}" if depth < _MAX_DEPTH else "{...}"
     if isinstance(value, list | tuple | set):
-        items = [value_text(each, depth + 1) for each in _some(value, depth)]
+        items = [value_text(each, depth + 1) for each in _first(value, depth)]
         return ", ".join(items) if depth == 0 else f"[{', '.join(items)}]" if depth < _MAX_DEPTH else "[...]"
     return plain(value)
 
 
-def _some(items: Iterable[Any], depth: int) -> list[Any]:
+def _first(items: Iterable[Any], depth: int) -> list[Any]:
     return [] if depth >= _MAX_DEPTH else [item for item, _ in zip(items, range(_MAX_ITEMS), strict=False)]
 
 
 def json_for_html(value: object) -> str:
-    """JSON as it may stand inside of a script element: nothing in it can end that, or begin a comment."""
+    """JSON for a script element: nothing in it can end the element, or begin a comment."""
     text = json.dumps(value, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """An HTML table of cells that are HTML already. `numbers` are the columns that hold numbers."""
+    """An HTML table; its cells are HTML already. `numbers` are the columns that hold numbers."""
 
     def cells(tag: str, row: Sequence[str], extra: str = "") -> str:
         kind = [' class="number"' if index in numbers else "" for index in range(len(row))]

@@ -1,1 +1,1 @@
-"""The terminal as a screen and as a keyboard."""
+"""The terminal as a keyboard and as a screen."""

@@ -1,4 +1,4 @@
-"""What a terminal sends when a key is pressed, and what the key means here."""
+"""The bytes that a terminal sends for a key, and what the key means while a person drives."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Key(Enum):
 
 
 DRIVING = frozenset({Key.FASTER, Key.SLOWER, Key.LEFT, Key.RIGHT, Key.STOP})
-"""The keys that drive."""
+"""The driving keys."""
 _CHARACTERS = {
     b"w": Key.FASTER,
     b"s": Key.SLOWER,
@@ -38,21 +38,20 @@ _ARROWS = {b"A": Key.FASTER, b"B": Key.SLOWER, b"C": Key.RIGHT, b"D": Key.LEFT}
 _SEQUENCE = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]|O.|[^\[O\x1b])", re.DOTALL)
 """A whole escape sequence: CSI with parameters, SS3 and one byte, or Alt and one byte."""
 _BEGUN = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*|O)?\Z")
-"""One whose rest has not come yet."""
+"""A sequence that is not complete yet."""
 _LONGEST = 64
 
 
 class KeyDecoder:
-    """Turns the bytes of a terminal into keys, whatever pieces they come in; what means nothing here is skipped."""
+    """Turns the bytes of a terminal into keys, in whatever pieces they come; skips those without a meaning here."""
 
     def __init__(self) -> None:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Key]:
-        """The keys in what has come since the last call; call it with nothing, too: then the Escape key is over.
+        """The keys in the bytes since the last call. Call it with no bytes, too: that ends a lone Escape.
 
-        A sequence comes in one piece or hard on the heels of its beginning; an escape character that is alone for a
-        whole call was the Escape key.
+        A sequence comes in one piece or nearly so; an escape character that is alone for a whole call was the Escape key.
         """
         if not data:
             self._rest = b""

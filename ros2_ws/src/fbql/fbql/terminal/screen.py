@@ -1,12 +1,13 @@
-"""The terminal: taken over to be drawn on and to give every key at once, and given back as it was, whatever happens.
+"""The terminal: taken over to give every key at once and to be drawn on, and given back as it was, whatever happens.
 
-It has a file description of its own that never blocks, so that a terminal which does not take what is drawn (one that
-is gone, or hangs) keeps nobody from writing down what was demonstrated.
+It is opened anew, as a file description of our own that never blocks: a terminal that does not take what is drawn (one that
+is gone, or hangs) keeps nobody from saving what was demonstrated.
 """
 
 from __future__ import annotations
 
 import codecs
+import errno
 import locale
 import os
 import select
@@ -15,11 +16,15 @@ import signal
 import termios
 from contextlib import suppress
 from types import FrameType, TracebackType
+from typing import Self
 
 from fbql_common.core.errors import BadInput
 
 from fbql.terminal.keys import Key, KeyDecoder
-from fbql.terminal.lines import Line, text_of
+
+Span = tuple[str, str]
+"""Text and its style, as the parameters of SGR (`ESC [ ... m`); no style is empty."""
+Line = list[Span]
 
 _TAKE = "\x1b[?1049h\x1b[?25l\x1b[?7l\x1b[2J"
 """Alternate screen, no cursor, no wrapping at the edge, all blank."""
@@ -29,58 +34,141 @@ _GIVE_BACK = "\x1b[?2026l\x1b[m\x1b[?7h\x1b[?25h\x1b[?1049l"
 _WITHOUT_BRAILLE = ("linux", "vt", "ansi")
 """Beginnings of the names of terminals that have no braille patterns."""
 _MOST_BYTES = 4096
-_LAST_WORDS_S = 0.5
-"""How long giving back waits for a terminal that is slow [s]."""
+_LAST_WRITE_S = 0.5
+"""How long giving back waits for a slow terminal [s]."""
+
+
+def text_of(line: Line, colour: bool) -> str:
+    """A line as a terminal takes it, in colours or plain."""
+    if not colour:
+        return "".join(text for text, _ in line)
+    return "".join(f"\x1b[{style}m{text}\x1b[m" if style else text for text, style in line)
 
 
 def trouble_with_terminal() -> str | None:
-    """Why nothing can be drawn on standard input's terminal; None when it can."""
+    """Why standard input's terminal can't be drawn on; None when it can."""
     if not os.isatty(0):
         return "standard input is none; start it in a terminal"
     name = os.environ.get("TERM", "")
     return f"TERM is '{name}'; start it in another" if name in ("", "dumb", "unknown") else None
 
 
-class Terminal:
-    """The terminal that is standard input, between `with` and its end.
+class RawTerminal:
+    """The terminal that is standard input, between `with` and its end: every key comes at once, and none is echoed.
 
-    Raises BadInput when standard input is no terminal, or one that can't be drawn on.
+    Ctrl-Z gives it back until the process continues; Ctrl-C stays a signal. In the background it is not taken: the shell has
+    it then, until `fg`. Raises OSError when standard input is no terminal, or one that can't be opened.
     """
 
-    def __init__(self, ascii_only: bool = False) -> None:
-        if trouble := trouble_with_terminal():
-            raise BadInput(f"a terminal is needed that can be drawn on: {trouble}")
-        try:
-            self._fd = os.open(os.ttyname(0), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
-        except OSError as error:
-            raise BadInput(f"the terminal cannot be opened ({error.strerror}); start it in another") from None
-        name = os.environ["TERM"]
-        unicode = codecs.lookup(locale.nl_langinfo(locale.CODESET) or "ascii").name == "utf-8"
-        self.ascii_only = ascii_only or not unicode or name.startswith(_WITHOUT_BRAILLE)
-        """Whether nothing but ASCII is to be drawn."""
+    def __init__(self) -> None:
+        if not os.isatty(0):
+            raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
+        self._fd = os.open(os.ttyname(0), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
         self.gone = False
         """Whether the terminal was closed."""
-        self._colour = not os.environ.get("NO_COLOR")
-        self._decoder = KeyDecoder()
-        self._waiting = b""
-        self._shown: list[str] = []
-        self._size = (0, 0)
+        self.taken = False
         self._stop_asked = False
-        self._taken = False
 
-    def __enter__(self) -> Terminal:
+    def __enter__(self) -> Self:
         self._before = termios.tcgetattr(self._fd)
         signal.signal(signal.SIGTSTP, self._note_stop)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
-        self._give_back()
+        self.give_back()
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
         os.close(self._fd)
 
     def fileno(self) -> int:
         """What to wait for keys on."""
         return self._fd
+
+    def take(self) -> bool:
+        """Takes the terminal over, unless the process is in the background. Whether it is taken."""
+        if self.taken or self.gone:
+            return not self.gone
+        with suppress(OSError):  # not our controlling terminal: nobody shares it with us
+            if os.tcgetpgrp(self._fd) != os.getpgrp():
+                return False
+        try:
+            self._set_mode()
+        except termios.error:
+            self.gone = True
+            return False
+        self.taken = True
+        return True
+
+    def give_back(self) -> None:
+        """Leaves the terminal as it was before."""
+        if self.taken:
+            self.taken = False
+            with suppress(termios.error):
+                termios.tcsetattr(self._fd, termios.TCSANOW, self._before)
+
+    def read(self, patience_s: float = 0.0) -> bytes:
+        """The bytes of the keys pressed since the last call; waits for some at most this long [s]."""
+        if not self.taken:
+            return b""
+        try:
+            if not select.select([self._fd], [], [], patience_s)[0]:
+                return b""
+            data = os.read(self._fd, _MOST_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        self.gone = self.gone or not data
+        return data
+
+    def stopped(self) -> bool:
+        """Lets the process be stopped if that was asked for (Ctrl-Z), with the terminal given back meanwhile.
+
+        True when it was stopped and now continues.
+        """
+        if not self._stop_asked:
+            return False
+        self._stop_asked = False
+        self.give_back()
+        # By the signal's own effect: it spares a process that nobody could wake again.
+        signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGTSTP)
+        signal.signal(signal.SIGTSTP, self._note_stop)
+        return True
+
+    def _set_mode(self) -> None:
+        """Every key at once, and nothing that would swallow one, or hold the screen."""
+        mode = termios.tcgetattr(self._fd)
+        mode[0] &= ~(termios.IXON | termios.ICRNL)
+        mode[3] &= ~(termios.ICANON | termios.ECHO)
+        # Ctrl-\ would end the process without a word, Ctrl-V hide the next key.
+        for number in (termios.VQUIT, termios.VLNEXT):
+            mode[6][number] = b"\0"
+        mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
+        termios.tcsetattr(self._fd, termios.TCSANOW, mode)
+
+    def _note_stop(self, _number: int, _frame: FrameType | None) -> None:
+        self._stop_asked = True
+
+
+class Screen(RawTerminal):
+    """A terminal to draw pages on. Raises BadInput when standard input is no terminal, or one that can't be drawn on."""
+
+    def __init__(self, ascii_only: bool = False) -> None:
+        if trouble := trouble_with_terminal():
+            raise BadInput(f"a terminal is needed that can be drawn on: {trouble}")
+        try:
+            super().__init__()
+        except OSError as error:
+            raise BadInput(f"the terminal cannot be opened ({error.strerror}); start it in another") from None
+        name = os.environ["TERM"]
+        unicode = codecs.lookup(locale.nl_langinfo(locale.CODESET) or "ascii").name == "utf-8"
+        self.ascii_only = ascii_only or not unicode or name.startswith(_WITHOUT_BRAILLE)
+        """Whether nothing but ASCII is to be drawn."""
+        self._colour = not os.environ.get("NO_COLOR")
+        self._decoder = KeyDecoder()
+        self._waiting = b""
+        self._shown: list[str] = []
+        self._size = (0, 0)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -93,25 +181,12 @@ class Terminal:
 
     def pressed(self) -> list[Key]:
         """The keys that were pressed since the last call."""
-        if not self._taken:
-            return []
-        try:
-            data = os.read(self._fd, _MOST_BYTES)
-            if not data:
-                self.gone = True
-        except BlockingIOError:
-            data = b""
-        except OSError:
-            self.gone = True
-            data = b""
-        return self._decoder.feed(data)
+        return self._decoder.feed(self.read()) if self.taken else []
 
     def show(self, lines: list[Line]) -> None:
-        """Shows a page: the lines that differ from those shown. A terminal that is busy with the last one misses it."""
-        if not self._taken:
-            self._take()
-            if not self._taken:
-                return
+        """Shows a page: the lines that differ from those shown. A terminal still busy with the last page misses it."""
+        if not self.take():
+            return
         if self._size != self.size:
             self._size, self._shown = self.size, []
             self._waiting += b"\x1b[2J"
@@ -128,56 +203,20 @@ class Terminal:
         self._shown = texts
         self._flush()
 
-    def stopped(self) -> bool:
-        """Lets the process be stopped when that was asked for (Ctrl-Z), with the terminal given back meanwhile.
+    def take(self) -> bool:
+        """Takes the terminal over and blanks it. Whether it is taken."""
+        if not self.taken and super().take():
+            self._shown = []
+            self._waiting = _TAKE.encode()
+            self._flush()
+        return self.taken
 
-        True when it was stopped, and goes on now.
-        """
-        if not self._stop_asked:
-            return False
-        self._stop_asked = False
-        self._give_back()
-        # By the signal's own effect: it spares a process that nobody could wake again.
-        signal.signal(signal.SIGTSTP, signal.SIG_DFL)
-        os.kill(os.getpid(), signal.SIGTSTP)
-        signal.signal(signal.SIGTSTP, self._note_stop)
-        return True
-
-    def _take(self) -> None:
-        """Takes the terminal over, unless we are in the background: the shell has it then, until `fg`."""
-        with suppress(OSError):  # not our controlling terminal: nobody shares it with us
-            if os.tcgetpgrp(self._fd) != os.getpgrp():
-                return
-        try:
-            self._set_mode()
-        except termios.error:
-            self.gone = True
-            return
-        self._taken = True
-        self._shown = []
-        self._waiting = _TAKE.encode()
-        self._flush()
-
-    def _set_mode(self) -> None:
-        """Every key at once, and nothing that would swallow one, or hold the screen."""
-        mode = termios.tcgetattr(self._fd)
-        mode[0] &= ~(termios.IXON | termios.ICRNL)
-        mode[3] &= ~(termios.ICANON | termios.ECHO)
-        # Ctrl-\ would end it without a word, Ctrl-V hide the next key.
-        for number in (termios.VQUIT, termios.VLNEXT):
-            mode[6][number] = b"\0"
-        mode[6][termios.VMIN], mode[6][termios.VTIME] = 1, 0
-        termios.tcsetattr(self._fd, termios.TCSANOW, mode)
-
-    def _give_back(self) -> None:
-        """As it was before. What is still to be drawn is not; a terminal that is slow is given a moment."""
-        if not self._taken:
-            return
-        self._taken = False
-        self._waiting = _GIVE_BACK.encode()
-        self._flush(_LAST_WORDS_S)
-        with suppress(termios.error):
-            termios.tcsetattr(self._fd, termios.TCSANOW, self._before)
+    def give_back(self) -> None:
+        """Leaves the terminal as it was before. What is still to be drawn is not; a slow terminal is given a moment."""
+        if self.taken:
+            self._waiting = _GIVE_BACK.encode()
+            self._flush(_LAST_WRITE_S)
+        super().give_back()
 
     def _flush(self, patience_s: float = 0.0) -> None:
         try:
@@ -190,6 +229,3 @@ class Terminal:
         except OSError:
             self.gone = True
             self._waiting = b""
-
-    def _note_stop(self, _number: int, _frame: FrameType | None) -> None:
-        self._stop_asked = True

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import pytest
-from fbql.keyboard.driving import (
+from fbql.keyboard.steering import (
     FASTEST_BACK_LEVEL,
     FASTEST_LEVEL,
     HOLD_S,
     REPEAT_S,
     STRONGER_S,
     STRONGEST_TURN,
-    Driving,
+    Steering,
 )
 from fbql.terminal.keys import DRIVING, Key, KeyDecoder
 from fbql_behaviors.core.quantizer import levels_of, rad_s_of, wheel_class_of
@@ -49,8 +49,8 @@ WITHOUT_MEANING = [
 ]
 
 
-def pressed(keys: Iterable[tuple[Key, float]]) -> Driving:
-    driving = Driving()
+def pressed(keys: Iterable[tuple[Key, float]]) -> Steering:
+    driving = Steering()
     for key, now_s in keys:
         driving.press(key, now_s)
     return driving
@@ -115,7 +115,7 @@ def test_a_tap_turns_for_a_moment_and_then_it_goes_straight_on() -> None:
 
 @pytest.mark.parametrize("repeat_s", [1 / 30, 0.1])
 def test_a_key_that_is_held_turns_without_a_gap_and_stronger_with_time(repeat_s: float) -> None:
-    driving = Driving()
+    driving = Steering()
     turns: list[int] = []
     now_s = 0.0
     while now_s < 1.0:
@@ -151,7 +151,7 @@ def test_space_stops_everything() -> None:
 
 @given(st.lists(st.tuples(st.sampled_from(sorted(DRIVING, key=lambda key: key.name)), st.floats(0.0, 0.3))))
 def test_what_is_driven_is_exactly_a_wheel_class(presses: list[tuple[Key, float]]) -> None:
-    driving, now_s = Driving(), 0.0
+    driving, now_s = Steering(), 0.0
     for key, pause_s in presses:
         now_s += pause_s
         driving.press(key, now_s)

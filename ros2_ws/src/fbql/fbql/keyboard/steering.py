@@ -1,8 +1,8 @@
-"""Keys to wheel velocities, for keyboards that tell when a key is pressed, and repeat it, but not when it is released.
+"""Keys to wheel velocities, for terminals, which report that a key is pressed, and repeat it, but not that it is released.
 
-The speed stays where it was put: each press changes it by one level. The turn is let go as soon as presses stop coming:
-a tap turns by a few degrees, holding the key (the terminal repeats it) turns on, and faster after a while. So one hand
-steers, as in a car, and nothing has to be turned back.
+The speed is kept: each press changes it by one level. The turn ends when presses stop coming: a tap turns by a few degrees;
+holding the key (the terminal repeats it) keeps turning, and faster after a while. So one hand steers, and nothing has to be
+turned back.
 
 All velocities are whole levels of the paper's 29 (`fbql_behaviors.core.quantizer`), so that a pattern's class is exactly
 what was driven.
@@ -15,21 +15,21 @@ from fbql_behaviors.core.quantizer import rad_s_of
 from fbql.terminal.keys import Key
 
 FASTEST_LEVEL = 8
-"""Highest speed [levels]: 1.0 m/s, beyond which nobody reacts in time."""
+"""Highest speed [levels]: 1.0 m/s; nobody reacts in time to more."""
 FASTEST_BACK_LEVEL = 4
 """Highest speed backwards [levels]."""
 HOLD_S = 0.13
-"""How long a press of a turn key turns [s]: longer than terminals take between repeats (0.03 to 0.1)."""
+"""How long one press of a turn key turns [s]: longer than the pause between a terminal's repeats (0.03 to 0.1)."""
 REPEAT_S = 0.2
-"""Presses of a turn key that are no farther apart than this are one that is held, or drummed [s]."""
+"""Presses of a turn key that are no farther apart than this count as one that is held [s]."""
 STRONGER_S = 0.25
-"""A turn key that is held turns one level more each time this has passed [s]."""
+"""A turn key that is held turns one level more after each such interval [s]."""
 STRONGEST_TURN = 3
 """Strongest turn: difference between the wheels [levels], 5.4 rad/s."""
 
 
-class Driving:
-    """What the wheels are asked for. Times are those of any steady clock [s]."""
+class Steering:
+    """The wheel velocities that the keys ask for. Times are those of any steady clock [s]."""
 
     def __init__(self) -> None:
         self.speed = 0
@@ -39,7 +39,7 @@ class Driving:
         self._pressed_s = float("-inf")
 
     def press(self, key: Key, now_s: float) -> None:
-        """Takes a key that drives; others change nothing."""
+        """Takes a driving key; others change nothing."""
         if key is Key.FASTER:
             self.speed = min(self.speed + 1, FASTEST_LEVEL)
         elif key is Key.SLOWER:
@@ -53,7 +53,7 @@ class Driving:
             self._side, self._pressed_s = side, now_s
 
     def stop(self) -> None:
-        """Wheels at rest."""
+        """Brings the wheels to rest."""
         self.speed = 0
         self._side, self._pressed_s = 0, float("-inf")
 

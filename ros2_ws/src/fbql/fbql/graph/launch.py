@@ -1,4 +1,4 @@
-"""The graph of a match: which processes it is made of, and the parameters of each node."""
+"""How the graph of a match is launched: the command line of each process, and the parameters of each node."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fbql.match.in_process import own_observation
 from fbql.match.options import Match
 
 LOCKSTEP_TIMEOUT_S = 10.0
-"""How long a step may take in a supervised graph before the run ends, naming who is missing [s]."""
+"""How long a step may take in a supervised graph before the run ends with the name of the node that is missing [s]."""
 _START_GRACE_S = 5.0
 
 
@@ -23,12 +23,12 @@ class Mode(NamedTuple):
     """How a match is run as a graph."""
 
     processes: str
-    """many: a process for each node; one: one for all."""
+    """many: one process per node; one: one process for all of them."""
     realtime: float
     """Speed relative to real time; 0: lockstep."""
     record: bool
     start_timeout_s: float = 30.0
-    """Within this the graph must be up."""
+    """How long the graph may take to come up [s]."""
 
 
 def node_names(match: Match) -> list[str]:
@@ -37,14 +37,14 @@ def node_names(match: Match) -> list[str]:
 
 
 def write_parameters(match: Match, mode: Mode) -> Path:
-    """Writes the parameters of every node as a ROS parameter file. Raises BadInput where that can't be done."""
+    """Writes the parameters of every node as a ROS parameter file. Raises BadInput if it can't be written."""
     path = match.out / "log" / "parameters.yaml"
     nodes: dict[str, dict[str, Any]] = {
         "simulator": {
             **asdict(match.simulation),
             "seed": match.fusion.seed,
             "realtime": float(mode.realtime),
-            # A little more than fusion's: fusion can name the behavior that is missing.
+            # A little longer than fusion's: fusion can name the behavior that is missing.
             "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S + 2.0,
         },
         "fusion": {
@@ -54,10 +54,10 @@ def write_parameters(match: Match, mode: Mode) -> Path:
             "policy": str(match.policy or ""),
             "tree_files": [str(file) for file in match.behaviors.values()],
             "config_file": str(path),
-            # Supervised and in lockstep nobody plays on without a behavior: the run ends, naming it.
+            # In a supervised lockstep run nothing continues without a behavior: the run ends with its name.
             "behavior_timeout_s": 0.1 if mode.realtime > 0 else 0.0,
             "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S,
-            # The start barrier names who is not there; fusion names who is there and can't be heard.
+            # The start barrier names nodes that are absent; fusion names those that are present and can't be heard.
             "start_timeout_s": mode.start_timeout_s + _START_GRACE_S,
         },
     }
@@ -67,17 +67,13 @@ def write_parameters(match: Match, mode: Mode) -> Path:
     try:
         path.write_text(yaml.safe_dump(document, sort_keys=False))
     except OSError as error:
-        raise BadInput(f"{path}: can't be written ({error.strerror}); choose another place for the run") from None
+        raise BadInput(f"{path}: can't be written ({error.strerror}); choose another --out") from None
     return path
 
 
 def commands(match: Match, mode: Mode, parameters: Path) -> dict[str, list[str]]:
-    """The command line of each process of the graph; the last one holds the fusion node.
-
-    Raises:
-        BadInput: an executable is not there.
-    """
-    # What a node prints is kept as it is; a second copy by the logging library would only double it.
+    """The command line of each process of the graph; the last one holds the fusion node. Raises BadInput."""
+    # What a node prints is kept; the logging library would write a second copy.
     ros = ["--ros-args", "--params-file", str(parameters), "--disable-external-lib-logs"]
     if mode.processes == "one":
         program = str(Path(__file__).with_name("one_process.py"))
@@ -92,10 +88,10 @@ def commands(match: Match, mode: Mode, parameters: Path) -> dict[str, list[str]]
 
 
 def executable(package: str, name: str, required: bool = True) -> str:
-    """The file that `ros2 run PACKAGE NAME` would run; "" where there is none and none is required."""
+    """The file that `ros2 run PACKAGE NAME` would run; "" if there is none and none is required. Raises BadInput."""
     path = Path(get_package_prefix(package)) / "lib" / package / name
     if path.is_file():
         return str(path)
     if required:
-        raise BadInput(f"package '{package}' has no executable '{name}': build the workspace again")
+        raise BadInput(f"package '{package}' has no executable '{name}'; build the workspace again")
     return ""

@@ -1,0 +1,147 @@
+"""What a command prints: its result on stdout, everything else on stderr, progress as one live line."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Callable, Generator, Iterable
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from time import monotonic
+from typing import TextIO
+
+from fbql.cli.exit_codes import BAD_INPUT, FAILED
+
+_PERIOD_S = 0.1
+_UNKNOWN_WIDTH = 80
+_DISK_FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+"""The path is right, but the disk is full or fails: the same command may succeed later."""
+
+_program = "fbql"
+
+
+def set_program(name: str) -> None:
+    """Sets what the command in this process calls itself in front of every error."""
+    global _program
+    _program = name
+
+
+def say(text: str) -> None:
+    """Prints a line for people on stderr. A terminal that was closed is no error."""
+    _write(sys.stderr, f"{text}\n")
+
+
+def complain(text: object) -> None:
+    """Prints what is wrong on stderr: "PROGRAM: what"."""
+    say(f"{_program}: {text}")
+
+
+def warn(warnings: Iterable[str]) -> None:
+    """Prints each warning as a line on stderr."""
+    for warning in warnings:
+        complain(f"warning: {warning}")
+
+
+def print_result(text: str) -> None:
+    """Prints on stdout. A reader that left (`| head`, a closed terminal) is no error; raises OSError for others."""
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        _silence(sys.stdout)
+        if error.errno not in (errno.EPIPE, errno.EIO):
+            raise
+
+
+class LiveLine:
+    """One line on a terminal that shows how far something is; elsewhere nothing, or a line now and then.
+
+    A terminal that is gone, or a pipe that nobody reads any more, ends the showing and nothing else.
+
+    Args:
+        stream: stderr unless given.
+        log_every_s: how often a line is printed where the stream is not a terminal [s]; None: never.
+        keep: whether the last state stays on the terminal; otherwise the line is erased at the end.
+    """
+
+    def __init__(self, stream: TextIO | None = None, *, log_every_s: float | None = None, keep: bool = False) -> None:
+        self._stream = stream or sys.stderr
+        self._is_terminal = self._stream.isatty()
+        self._period_s = _PERIOD_S if self._is_terminal else log_every_s
+        self._keep = keep
+        self._shown_s = float("-inf") if self._is_terminal else monotonic()
+        self._line = ""
+        """What is on the terminal and not ended by a newline."""
+
+    def show(self, text: str | Callable[[int | None], str]) -> None:
+        """Shows a state in place of the last one, at most ten times a second.
+
+        Args:
+            text: the state, or what makes it for a number of columns; None: any number.
+        """
+        now = monotonic()
+        if self._period_s is None or now - self._shown_s < self._period_s:
+            return
+        self._shown_s = now
+        if not self._is_terminal:
+            _write(self._stream, f"{text if isinstance(text, str) else text(None)}\n")
+            return
+        width = self._width() - 3  # room for the ^C that the terminal writes behind the line
+        line = text[:width] if isinstance(text, str) else text(width)
+        _write(self._stream, f"\r{line.ljust(len(self._line))}")
+        self._line = line
+
+    def say(self, text: str) -> None:
+        """Prints a line of its own."""
+        self.close()
+        say(text)
+
+    def complain(self, text: object) -> None:
+        """Prints what is wrong in a line of its own."""
+        self.close()
+        complain(text)
+
+    def close(self) -> None:
+        """Erases the live line, or leaves it standing and goes below it."""
+        if self._line:
+            _write(self._stream, "\n" if self._keep else f"\r{' ' * len(self._line)}\r")
+            self._line = ""
+
+    def _width(self) -> int:
+        with suppress(OSError):
+            return os.get_terminal_size(self._stream.fileno()).columns or _UNKNOWN_WIDTH
+        return _UNKNOWN_WIDTH
+
+
+class Unwritable(Exception):
+    """An output file that can't be written. The text names the path that the user gave."""
+
+    def __init__(self, path: Path | str, error: OSError) -> None:
+        # Making the directory README.md/ ends with "File exists", which does not say what is wrong.
+        reason = "Not a directory" if isinstance(error, FileExistsError) else error.strerror or str(error)
+        super().__init__(f"{path}: cannot be written ({reason})")
+        self.exit_code = FAILED if error.errno in _DISK_FAILURES else BAD_INPUT
+
+
+@contextmanager
+def writing(path: Path | str) -> Generator[None]:
+    """Where an output is written: an OSError inside becomes Unwritable."""
+    try:
+        yield
+    except OSError as error:
+        raise Unwritable(path, error) from None
+
+
+def _write(stream: TextIO, text: str) -> None:
+    try:
+        stream.write(text)
+        stream.flush()
+    except OSError:
+        _silence(stream)
+
+
+def _silence(stream: TextIO) -> None:
+    """What is still buffered must not fail once more when Python ends: that would change the exit code."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, stream.fileno())
+    os.close(null)

@@ -1,0 +1,124 @@
+"""`import fbql`: the same results as the commands, as arrays and objects, without ROS."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import fbql
+import numpy as np
+import pytest
+from commands import induce, train
+from fbql_behaviors.storage import load_tree
+from fbql_recording.run_directory import EPISODE_COLUMNS
+
+SUBSUMPTION = ("--controller", "subsumption", "--episodes", "2", "--max-steps", "500", "--seed", "31")
+SHORT = {"episodes": 2, "max_steps": 120}
+
+
+def printed(capsys: pytest.CaptureFixture[str]) -> dict:
+    return json.loads(capsys.readouterr().out)
+
+
+def test_it_is_imported_at_once_and_playing_needs_no_ros_and_no_matplotlib() -> None:
+    code = """
+import sys, fbql
+assert "numpy" not in sys.modules
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ("rclpy", "matplotlib", "fbql_msgs", "ament_index_python"):
+            raise ImportError(name)
+sys.meta_path.insert(0, Blocked())
+fbql.play("uniform", episodes=1, max_steps=20), fbql.induce("ball_seeking", patterns=30), fbql.open_run
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_play_has_the_result_of_the_command_train(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "command"
+    assert train([*SUBSUMPTION, "--out", str(out), "--json"]) == 0
+    result = fbql.play("subsumption", episodes=2, max_steps=500, seed=31, out=tmp_path / "api")
+    without = {"wall_s": 0, "steps_per_s": 0}
+    assert {**result.summary, **without} == {**printed(capsys), **without}
+    assert (out / "episodes.csv").read_text() == (tmp_path / "api" / "episodes.csv").read_text()
+    assert result.path == tmp_path / "api"
+
+
+def test_episodes_and_steps_are_columns_that_agree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = fbql.play("fbql_literal", guided=1, steps=True, seed=3, **SHORT)
+    episodes, steps = result.episodes, result.steps
+    assert tuple(episodes) == EPISODE_COLUMNS
+    assert episodes["phase"].tolist() == ["guided", "learning", "learning"]
+    assert np.bincount(steps["episode"]).tolist() == [count + 1 for count in episodes["steps"]]
+    assert steps["weights"].shape == (len(steps["step"]), 3)
+    assert steps["observation.ball_seeking"].shape == (len(steps["step"]), 2)
+    assert steps["collision_begun"].sum() == episodes["collisions_begun"].sum()
+    assert list(tmp_path.iterdir()) == [], "no file is written unless out= is given"
+
+
+def test_a_policy_is_played_on_as_an_object_and_as_a_file(tmp_path: Path) -> None:
+    learned = fbql.train("fbql_literal", guided=1, seed=3, **SHORT)
+    assert learned.policy is not None
+    file = learned.policy.save(tmp_path / "policy.npz")
+    digests = {
+        fbql.play("fbql_literal", policy=each, seed=4, **SHORT).summary["digest"] for each in (learned.policy, file)
+    }
+    assert len(digests) == 1
+    untrained = fbql.play("fbql_literal", policy="none", seed=4, **SHORT)
+    assert untrained.summary["digest"] not in digests
+
+
+def test_a_tree_is_played_as_an_object_and_as_a_file(tmp_path: Path) -> None:
+    made = fbql.induce("ball_seeking", patterns=50)
+    file = made.save(tmp_path / "ball_seeking.json")
+    results = [fbql.play("subsumption", trees={"ball_seeking": each}, **SHORT) for each in (made.tree, file)]
+    assert results[0].summary["digest"] == results[1].summary["digest"]
+    assert fbql.play("subsumption", **SHORT).summary["digest"] != results[0].summary["digest"]
+
+
+def test_induce_has_the_result_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "tree.json"
+    assert induce(["ball_seeking", "--method", "dp", "--patterns", "100", "--out", str(out), "--json"]) == 0
+    made = fbql.induce("ball_seeking", method="dp", patterns=100)
+    command = printed(capsys)
+    assert made.tree == load_tree(out)
+    assert (made.leaves, made.rmse_levels, made.value) == (
+        command["leaves"],
+        command["rmse_levels"],
+        command["root_value"],
+    )
+    assert fbql.induce("ball_seeking", made.patterns, method="dp").tree.leaves == made.tree.leaves
+    assert made.explain().count("\n") + 1 == made.leaves
+
+
+@pytest.mark.parametrize(
+    ("call", "reason"),
+    [
+        (lambda: fbql.play("best"), "'best'"),
+        (lambda: fbql.play(episodes=0), "--episodes is 0"),
+        (lambda: fbql.play(parameters={"weight_gian": 1}), "did you mean"),
+        (lambda: fbql.play(policy="missing.npz"), "no such file"),
+        (lambda: fbql.play(trees="missing"), "missing"),
+        (lambda: fbql.train("uniform", episodes=1, max_steps=10), "does not learn"),
+        (lambda: fbql.train(learn=False), "does not learn"),
+        (lambda: fbql.induce("dancing"), "dancing"),
+        (lambda: fbql.induce("ball_seeking", split_cost=1.0), "split_cost"),
+        (lambda: fbql.induce("ball_seeking", depth=3), "no parameter 'depth'"),
+        (lambda: fbql.open_run("missing"), "no such run"),
+    ],
+)
+def test_bad_input_is_one_line(call, reason: str) -> None:
+    with pytest.raises(fbql.BadInput) as error:
+        call()
+    assert reason in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    assert set(fbql.__all__) <= set(dir(fbql))
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        fbql.nonsense  # noqa: B018
