@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 from fbql_common.core.types import NO_LEAF, Phase
-from fbql_fusion.core.controllers import Transition
-from fbql_fusion.core.fbql import Fbql
-from fbql_fusion.core.fbql_value import FbqlValue
-from fbql_fusion.core.making import make_controller
+from fbql_fusion.core.controllers.interface import Transition
+from fbql_fusion.core.learners.ppo.learner import Fbql
+from fbql_fusion.core.learners.value.learner import FbqlValue
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
+from fbql_fusion.core.registry import make_controller
 from fbql_fusion.core.session import Session, episode_seed
 from numpy.typing import NDArray
 from two_sides import UP, Answers, Heard, TwoSides, answer, parameters, play, world_state

@@ -18,8 +18,8 @@ from fbql_behaviors.core.induction import InductionParameters
 from fbql_behaviors.core.instructors import Habits
 from fbql_behaviors.core.leaf_tuning import TuningParameters
 from fbql_behaviors.core.recipes import Recipe
-from fbql_fusion.core.fbql_parameters import FbqlParameters
-from fbql_fusion.core.fbql_value_parameters import FbqlValueParameters
+from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
+from fbql_fusion.core.learners.value.parameters import FbqlValueParameters
 from fbql_fusion.core.parameters import PRESETS, FusionParameters
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_sim.core.parameters import SimulationParameters

@@ -1,4 +1,4 @@
-"""What a match starts from, told by its options: the policy that ships, another one, or nothing, and what is said of it."""
+"""The options of a match: what it starts from, and which options play no part."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fbql_fusion.shipped import shipped_policy
 
 
 def match(*words: str) -> Match:
-    return match_from(match_parser("play", "").parse_args(words), "play")
+    return match_from(match_parser("play", "").parse_args(words))
 
 
 def test_copies_of_the_trees_that_ship_are_played_with_the_policy_that_ships(tmp_path: Path) -> None:
@@ -28,7 +28,7 @@ def test_copies_of_the_trees_that_ship_are_played_with_the_policy_that_ships(tmp
         assert (found.policy, found.notes) == (shipped_policy(), ())
 
 
-def test_other_trees_start_from_nothing_and_it_is_said(tmp_path: Path) -> None:
+def test_other_trees_start_untrained_and_it_is_said(tmp_path: Path) -> None:
     trees = shutil.copytree(shipped_trees(), tmp_path / "trees")
     tree = Path(trees) / "approaching.json"
     tree.write_text(json.dumps(json.loads(tree.read_text())))
@@ -37,7 +37,7 @@ def test_other_trees_start_from_nothing_and_it_is_said(tmp_path: Path) -> None:
     save_tree(tree, replace(shipped, leaves=(shipped.leaves[1], *shipped.leaves[1:])))
     found = match("--trees", str(trees))
     assert found.policy is None
-    assert [note.split(":")[0] for note in found.notes] == ["starts from nothing"]
+    assert [note.split(":")[0] for note in found.notes] == ["starts untrained"]
     assert match("--trees", str(trees), "--policy", "none").notes == (), "as it was asked for"
     assert match("--trees", str(trees), "--controller", "subsumption").notes == ()
 
@@ -50,6 +50,44 @@ def test_the_same_options_are_what_was_set_and_not_what_a_run_chooses(tmp_path: 
     assert (again.fusion, again.simulation) == (first.fusion, first.simulation)
     trees = str(shutil.copytree(shipped_trees(), tmp_path / "my trees"))
     assert shlex.split(same_options(match("--trees", trees))) == ["--trees", trees], "as a shell reads it"
+
+
+@pytest.mark.parametrize(
+    ("words", "notes"),
+    [
+        (
+            ["--set", "reward_collision=-50"],
+            ["reward_collision plays no part: the controller is fbql, whose own is fbql_reward_collision"],
+        ),
+        (["--controller", "subsumption", "--set", "reward_collision=-50"], []),
+        (["--controller", "fbql_literal", "--set", "reward_collision=-50"], []),
+        (
+            ["--set", "discount=0.9", "--set", "fbql_value_trace=0.5", "--set", "tie_rule=first"],
+            [
+                "discount plays no part: it belongs to fbql_literal, and the controller is fbql (whose own is fbql_discount)",
+                "fbql_value_trace plays no part: it belongs to fbql_value, and the controller is fbql (whose own is fbql_trace)",
+                "tie_rule plays no part: it belongs to fbql_literal, and the controller is fbql",
+            ],
+        ),
+        (
+            ["--controller", "fbql", "--preset", "paper"],
+            ["preset plays no part: it belongs to subsumption, the controller is fbql, and no episode is guided"],
+        ),
+        (["--controller", "fbql", "--preset", "paper", "--policy", "none"], []),
+        (["--controller", "fbql", "--preset", "paper", "--guided", "3"], []),
+        (
+            ["--controller", "uniform", "--set", "fbql_mirror=false", "--set", "layers=ball_seeking"],
+            [
+                "fbql_mirror plays no part: it belongs to fbql and fbql_value, and the controller is uniform",
+                "layers plays no part: it belongs to subsumption, the controller is uniform, and no episode is guided",
+            ],
+        ),
+        (["--controller", "uniform", "--no-learn"], ["--no-learn plays no part: uniform does not learn"]),
+        (["--set", "max_steps=900", "--set", "reward_goal=5"], []),
+    ],
+)
+def test_an_option_that_plays_no_part_is_said_in_a_line(words: list[str], notes: list[str]) -> None:
+    assert list(match(*words).notes) == notes
 
 
 def test_a_directory_is_no_policy(tmp_path: Path) -> None:
@@ -87,11 +125,11 @@ def test_a_parameter_that_the_shipped_policy_does_not_fit_names_it_and_the_way_o
         ("nonsense=1", "no parameter 'nonsense'; docs/parameters.md has the names"),
         ("fbql_rate", "write NAME=VALUE; docs/parameters.md"),
         ("=3", "write NAME=VALUE; docs/parameters.md"),
-        ("fbql_hold_steps=1.5", "'1.5' is no whole number"),
-        ("fbql_rate=much", "'much' is no number"),
+        ("fbql_hold_steps=1.5", "'1.5' is not a whole number"),
+        ("fbql_rate=much", "'much' is not a number"),
     ],
 )
 def test_a_setting_that_is_none_says_what_is_meant(setting: str, says: str) -> None:
-    with pytest.raises(BadInput, match=r"^play: --set ") as refused:
+    with pytest.raises(BadInput, match="^--set ") as refused:
         match("--set", setting)
     assert says in str(refused.value)

@@ -10,7 +10,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.field import MAX_WHEEL_RAD_S
 from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Decision, Phase, WheelCommand, World
 from fbql_fusion.core import session as session_module
-from fbql_fusion.core.controllers import Selection
+from fbql_fusion.core.controllers.interface import Selection
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.session import Session, episode_seed
 

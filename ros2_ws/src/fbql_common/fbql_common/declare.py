@@ -41,6 +41,12 @@ def _descriptor(kind: Any, limits: Limits) -> ParameterDescriptor:
     return descriptor
 
 
+def given_text(node: Node, name: str) -> str:
+    """The text that a node is given for a parameter, before it is declared; "" where it is given none."""
+    given = node._parameter_overrides.get(name)
+    return given.value if given is not None and isinstance(given.value, str) else ""
+
+
 def declare_parameters[T](node: Node, declaration: type[T]) -> T:
     """Declares every field as a read-only parameter with type, range and description; gives the typed values.
 

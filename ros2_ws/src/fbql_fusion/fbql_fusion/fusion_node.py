@@ -16,7 +16,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, WheelCommand, World
-from fbql_common.declare import declare_all
+from fbql_common.declare import declare_all, given_text
 from fbql_common.inputs import Input
 from fbql_common.spin import BAD_INPUT, FAILED, GraphNode, spin
 from fbql_common.topics import (
@@ -34,8 +34,9 @@ from fbql_msgs.msg import FusionDecision
 from fbql_msgs.msg import WheelCommand as WheelCommandMsg
 from fbql_msgs.srv import SavePolicy
 
+from fbql_fusion.controller_loading import know_controller, know_installed
 from fbql_fusion.core.assembly import Arrival, Step, StepAssembly
-from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.session import Session
 from fbql_fusion.episodes import Episodes
 from fbql_fusion.node_parameters import FusionNodeParameters
@@ -49,11 +50,17 @@ _SAY_PERIOD_S = 5.0
 
 
 class FusionNode(GraphNode):
-    """Eqs. 5 and 6, or Subsumption, as a node."""
+    """A session with its controller as a node."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__("fusion", **options)
-        self._settings, fusion = declare_all(self, FusionNodeParameters, FusionParameters)
+        controller = _know_controller(self)
+        self._settings, fusion = declare_all(self, FusionNodeParameters, fusion_parameters())
+        if controller not in ("", fusion.controller):
+            raise BadInput(
+                f"{self.get_fully_qualified_name()}: parameter 'controller' is '{fusion.controller}', but 'controller_file' "
+                f"has '{controller}'; set controller:={controller}"
+            )
         policy = load_policy(Path(self._settings.policy)) if self._settings.policy else None
         self._session = Session(fusion, policy)
         self._assembly = StepAssembly(fusion.behaviors)
@@ -249,6 +256,18 @@ class FusionNode(GraphNode):
         self._run.close()
         if self._run.incomplete:
             self.finish(INCOMPLETE)
+
+
+def _know_controller(node: FusionNode) -> str:
+    """Makes a controller that this package does not have known, with its parameters, before they are declared.
+
+    Gives the name of the one in `controller_file`, or "". Raises BadInput.
+    """
+    if source := given_text(node, "controller_file"):
+        return know_controller(source).name
+    if name := given_text(node, "controller"):
+        know_installed(name)
+    return ""
 
 
 def main() -> int:

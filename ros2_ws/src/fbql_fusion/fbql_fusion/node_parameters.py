@@ -1,4 +1,4 @@
-"""What the fusion node can be told beside what is fused and learned."""
+"""The parameters of the fusion node beside those of fusion itself."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fbql_common.core.parameters import parameter
 
 @dataclass(frozen=True)
 class FusionNodeParameters:
-    """Files, and what to do when something does not come."""
+    """Files, and what to do when an input is missing."""
 
     run_directory: str = parameter(
         "",
@@ -17,11 +17,16 @@ class FusionNodeParameters:
     )
     record: bool = parameter(True, "whether the run is recorded to MCAP")
     policy: str = parameter("", "policy.npz of an earlier run to start from; empty: none")
-    tree_files: list[str] = parameter([], "tree files that are played: copied into the run directory and the recording")
+    controller_file: str = parameter(
+        "", "FILE.py:NAME of a controller of your own; empty: one of this package or of an installed one"
+    )
+    tree_files: list[str] = parameter([], "tree files in use: copied into the run directory and the recording")
     config_file: str = parameter(
         "", "parameter file of the whole graph, for the run's config.yaml; empty: only this node's"
     )
-    flush_period_s: float = parameter(0.5, "what a crash can lose of the recording", unit="s", low=0.05, high=60.0)
+    flush_period_s: float = parameter(
+        0.5, "longest stretch of a recording that a crash can lose", unit="s", low=0.05, high=60.0
+    )
     behavior_timeout_s: float = parameter(
         0.1,
         "a behavior that answers later than this is left out: weights of the others, nothing learned in this episode; 0: never",

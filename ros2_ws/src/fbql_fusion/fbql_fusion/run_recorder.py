@@ -14,6 +14,7 @@ from ament_index_python.packages import get_package_share_directory
 from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import (
     CONFIG,
+    CONTROLLERS,
     EPISODES,
     OBSERVATIONS,
     POLICY,
@@ -22,6 +23,7 @@ from fbql_common.core.recording_names import (
     TREES,
 )
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from fbql_common.own_code import split_source
 from fbql_common.topics import DECISION, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.wire import type_name
 from fbql_recording.bag_metadata import qos_of
@@ -74,7 +76,7 @@ class RunRecorder:
         if parameters.record:
             attachments = [Attachment(CONFIG, _YAML, (self.path / "config.yaml").read_bytes())]
             attachments += [Attachment(f"{TREES}{file.name}", _JSON, file.read_bytes()) for file in tree_files]
-            attachments += _observations(config)
+            attachments += _own_code(config)
             if parameters.policy:
                 attachments.append(Attachment(POLICY_BEFORE, _NPZ, Path(parameters.policy).read_bytes()))
             self._recorder = Recorder(
@@ -185,19 +187,20 @@ def _config(parameters: FusionNodeParameters, session: Session, launcher_file: s
     }
 
 
-def _observations(config: Mapping[str, Any]) -> list[Attachment]:
-    """What behaviors of the user's own sense: the Python files that the launcher names as FILE.py:NAME."""
-    sources: dict[str, str] = {
-        name: values["observation"].rpartition(":")[0]
-        for name, values in config["parameters"].items()
+def _own_code(config: Mapping[str, Any]) -> list[Attachment]:
+    """The user's own Python files, which the launcher names as FILE.py:NAME: of the controller and of observations."""
+    nodes = config["parameters"]
+    sources = {
+        f"{OBSERVATIONS}{name}.py": values["observation"]
+        for name, values in nodes.items()
         if name != "fusion" and values.get("observation")
     }
+    if source := nodes["fusion"]["controller_file"]:
+        sources[f"{CONTROLLERS}{nodes['fusion']['controller']}.py"] = source
     try:
-        return [
-            Attachment(f"{OBSERVATIONS}{name}.py", _PYTHON, Path(file).read_bytes()) for name, file in sources.items()
-        ]
+        return [Attachment(name, _PYTHON, split_source(source)[0].read_bytes()) for name, source in sources.items()]
     except OSError as error:
-        raise BadInput(f"{error.filename}: the observation can't be recorded ({error.strerror})") from None
+        raise BadInput(f"{error.filename}: can't be recorded ({error.strerror})") from None
 
 
 def _channels(behaviors: Sequence[str], resolve: Callable[[str], str]) -> list[Channel]:

@@ -6,9 +6,11 @@ import argparse
 from pathlib import Path
 
 from fbql_common.core.errors import BadInput
-from fbql_fusion.core.parameters import CONTROLLERS, PRESETS
+from fbql_fusion.controller_loading import is_file
+from fbql_fusion.core.parameters import PRESETS
 from fbql_recording import open_run
 
+from fbql.cli.controllers import add_controller_option
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option
@@ -74,7 +76,7 @@ def parser(program: str) -> Parser:
         help="another value of a parameter of fusion, such as weight_gain=0.05; may be repeated",
     )  # fmt: skip
     other.add_argument("--preset", choices=tuple(PRESETS), help="other thresholds of Subsumption")
-    other.add_argument("--controller", choices=CONTROLLERS, help="another controller")
+    add_controller_option(other, "another controller, or, with --verify, the file of the run's own")
     other.add_argument("--policy", metavar="FILE", help="another policy to start from, or none")
     other.add_argument("--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior")
     other.add_argument("--csv", type=Path, metavar="FILE", help="write every step as a table (CSV)")
@@ -88,10 +90,16 @@ def _is_what_if(arguments: argparse.Namespace) -> bool:
     )
 
 
+def _only_names_code(arguments: argparse.Namespace) -> bool:
+    """Whether the only option of "what if" is a --controller FILE.py:NAME, the code of the run's own controller."""
+    changes = arguments.set or arguments.preset or arguments.policy or arguments.trees is not None
+    return not changes and is_file(arguments.controller)
+
+
 def _check(arguments: argparse.Namespace) -> None:
     """Raises BadInput for options that do not go together."""
     what_if = _is_what_if(arguments)
-    if arguments.verify and what_if:
+    if arguments.verify and what_if and not _only_names_code(arguments):
         raise BadInput("--verify compares with what was recorded; leave out --set, --trees and the like")
     if arguments.verify and arguments.skip_corrupt:
         raise BadInput("a run without its damaged chunks can't be verified; leave out --skip-corrupt")

@@ -52,6 +52,7 @@ def write_parameters(match: Match, mode: Mode) -> Path:
             "run_directory": str(match.out),
             "record": mode.record,
             "policy": str(match.policy or ""),
+            "controller_file": match.controller_file,
             "tree_files": [str(file) for file in match.behaviors.values()],
             "config_file": str(path),
             # In a supervised lockstep run nothing continues without a behavior: the run ends with its name.

@@ -192,7 +192,11 @@ def _config(match: Match) -> dict[str, object]:
         "git_revision": git_revision(ROOT),
         "parameters": {
             "simulator": asdict(match.simulation),
-            "fusion": {**asdict(match.fusion), "policy": str(match.policy or "")},
+            "fusion": {
+                **asdict(match.fusion),
+                "policy": str(match.policy or ""),
+                "controller_file": match.controller_file,
+            },
             **trees,
         },
     }

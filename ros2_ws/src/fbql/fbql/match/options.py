@@ -15,12 +15,14 @@ from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, types_of
-from fbql_fusion.core.making import LEARNERS
-from fbql_fusion.core.parameters import CONTROLLERS, PRESETS, FusionParameters, check_fusion
+from fbql_fusion.controller_loading import know_controller
+from fbql_fusion.core.parameters import PRESETS, FusionParameters, check_fusion, guided_episodes, without_part
+from fbql_fusion.core.registry import fusion_parameters, learns
 from fbql_fusion.shipped import shipped_policy
 from fbql_recording.run_directory import create_next_run_directory, create_run_directory
 from fbql_sim.core.parameters import SimulationParameters
 
+from fbql.cli.controllers import add_controller_option
 from fbql.cli.observations import add_observation_option, know_observations
 from fbql.cli.parser import Help, Parser
 from fbql.cli.places import RUNS
@@ -48,17 +50,17 @@ class Match:
     """The directory of the trees, if the user named one."""
     observations: dict[str, str] = field(default_factory=dict[str, str])
     """FILE.py:NAME of what a behavior of the user's own senses, by the behavior that its tree file names."""
+    controller_file: str = ""
+    """FILE.py:NAME of a controller of the user's own."""
     notes: tuple[str, ...] = ()
-    """What the user may not expect of how it starts, in a line each."""
+    """What the user may not expect, in a line each: how it starts, and which options play no part."""
 
 
 def match_parser(program: str, description: str) -> Parser:
     """A parser with the options that every way of playing a match has."""
     parser = Parser(prog=program, description=description, formatter_class=Help)
     play = parser.add_argument_group("what is played")
-    play.add_argument(
-        "--controller", choices=CONTROLLERS, help="who fuses the behaviors (fbql; with --preset alone, subsumption)"
-    )
+    add_controller_option(play, "who fuses the behaviors (fbql; with --preset alone, subsumption)")
     play.add_argument("--preset", choices=tuple(PRESETS), help="thresholds of Subsumption (tuned)")
     play.add_argument("--episodes", type=int, metavar="N", help="end after N episodes, guided ones not counted")
     play.add_argument("--goals", type=int, metavar="N", help=f"end after N goals (without --episodes: {DEFAULT_GOALS})")
@@ -75,13 +77,16 @@ def match_parser(program: str, description: str) -> Parser:
         "--seed", type=int, default=0, metavar="S", help="seed of the run; every episode's seed is derived from it"
     )
     play.add_argument(
-        "--learn", action=argparse.BooleanOptionalAction, default=True, help="go on learning, where the controller can"
+        "--learn",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="continue to learn, where the controller can",
     )
     play.add_argument(
         "--policy",
         metavar="FILE",
         help="policy.npz of an earlier run to start from, or none; without it fbql starts from the policy that ships, "
-        "unless it has other behaviors or other trees, or is to be guided; the other controllers start from nothing",
+        "unless it has other behaviors or other trees, or is to be guided; the other controllers start untrained",
     )
     play.add_argument(
         "--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior (the trees that ship)"
@@ -114,8 +119,9 @@ def match_from(arguments: argparse.Namespace) -> Match:
     for option in ("episodes", "goals"):
         if getattr(arguments, option) is not None and getattr(arguments, option) < 1:
             raise BadInput(f"--{option} is {getattr(arguments, option)}; it must be 1 or more")
+    controller = know_controller(arguments.controller or ("subsumption" if arguments.preset else "fbql"))
     values: dict[str, Any] = {
-        "controller": arguments.controller or ("subsumption" if arguments.preset else "fbql"),
+        "controller": controller.name,
         "preset": arguments.preset or "tuned",
         "episodes": arguments.episodes or 0,
         "goals": goals,
@@ -125,9 +131,10 @@ def match_from(arguments: argparse.Namespace) -> Match:
     if arguments.guided is not None:
         values["guided"] = arguments.guided
     simulation: dict[str, Any] = {"max_steps": arguments.max_steps}
-    for setting in arguments.set:
-        _add_setting(setting, values, simulation)
-    fusion = from_mapping(FusionParameters, values, "fusion")
+    given = [_add_setting(setting, values, simulation) for setting in arguments.set]
+    if arguments.preset:
+        given.append("preset")
+    fusion = from_mapping(fusion_parameters(), values, "fusion")
     check_fusion(fusion, "fusion")
     for name in RESERVED_NAMES & set(fusion.behaviors):
         raise BadInput(f"parameter 'behaviors' has '{name}', which is the name of another node")
@@ -135,6 +142,7 @@ def match_from(arguments: argparse.Namespace) -> Match:
     fits = _are_shipped(behaviors)
     shipped = fusion.controller == "fbql" and fusion.guided <= 0 and fits
     policy = _policy(arguments.policy, shipped)
+    notes = [*_notes_on_the_start(fusion, policy, fits, arguments.policy is not None), *_unused(fusion, policy, given)]
     return Match(
         fusion=fusion,
         simulation=from_mapping(SimulationParameters, simulation, "simulation"),
@@ -145,17 +153,26 @@ def match_from(arguments: argparse.Namespace) -> Match:
         json=arguments.json,
         trees=arguments.trees and arguments.trees.absolute(),
         observations=know_observations(arguments.observation),
-        notes=tuple(_notes(fusion, policy, fits, asked=arguments.policy is not None)),
+        controller_file=controller.source,
+        notes=tuple(notes),
     )
 
 
-def _notes(fusion: FusionParameters, policy: Path | None, fits: bool, asked: bool) -> Iterator[str]:
-    if policy is not None or fusion.controller not in LEARNERS:
+def _notes_on_the_start(fusion: FusionParameters, policy: Path | None, fits: bool, asked: bool) -> Iterator[str]:
+    if policy is not None or not learns(fusion):
         return
     if fusion.controller == "fbql" and not (fits or asked):
-        yield "starts from nothing: the policy that ships belongs to the trees that ship; --policy FILE is another's"
+        yield "starts untrained: the shipped policy belongs to the shipped trees; --policy FILE names another"
     if not fusion.learn:
-        yield f"{fusion.controller} neither learns nor has a policy: its weights are those of the start; give --policy FILE"
+        yield f"{fusion.controller} neither learns nor has a policy: its weights stay as they start; give --policy FILE"
+
+
+def _unused(fusion: FusionParameters, policy: Path | None, given: Sequence[str]) -> Iterator[str]:
+    """The options that play no part with this controller."""
+    learner = learns(fusion)
+    if not (learner or fusion.learn):
+        yield f"--no-learn plays no part: {fusion.controller} does not learn"
+    yield from without_part(fusion, given, guided_episodes(fusion, learner and fusion.learn, policy is not None) > 0)
 
 
 def _are_shipped(behaviors: dict[str, Path]) -> bool:
@@ -165,29 +182,31 @@ def _are_shipped(behaviors: dict[str, Path]) -> bool:
     try:
         return all(load_tree(path).hash == load_tree(_tree_file(name, None)).hash for name, path in behaviors.items())
     except BadInput:
-        return False  # it is said where the tree is played
+        return False  # it is reported where the tree is played
 
 
-def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any]) -> None:
+def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any]) -> str:
+    """Adds the value of a --set to the node's that has the parameter. Gives the parameter's name."""
     name, equals, text = setting.partition("=")
-    for values, declaration in ((fusion, FusionParameters), (simulation, SimulationParameters)):
+    declarations = ((fusion, fusion_parameters()), (simulation, SimulationParameters))
+    for values, declaration in declarations:
         if equals and name in limits_of(declaration):
             values[name] = parsed(text, types_of(declaration)[name], name)
-            return
-    known = [*limits_of(FusionParameters), *limits_of(SimulationParameters)]
+            return name
+    known = [name for _, declaration in declarations for name in limits_of(declaration)]
     if not equals or not name:
         raise BadInput(f"--set {setting}: write NAME=VALUE; docs/parameters.md has the names")
     raise BadInput(f"--set {setting}: fusion and simulation have no parameter '{name}'; {similar(name, known)}")
 
 
 def similar(name: str, known: Sequence[str]) -> str:
-    """What to write instead of a name that nothing has: those like it, or where all of them are."""
+    """What to write instead of an unknown name: those like it, or where all of them are listed."""
     found = get_close_matches(name, known)
     return f"did you mean {' or '.join(found)}?" if found else "docs/parameters.md has the names"
 
 
 def parsed(text: str, kind: Any, name: str) -> Any:
-    """The value that a text says, of a parameter of this kind. Raises BadInput."""
+    """The value of a text, for a parameter of this kind. Raises BadInput."""
     if kind is bool:
         if text in ("true", "false"):
             return text == "true"
@@ -198,7 +217,7 @@ def parsed(text: str, kind: Any, name: str) -> Any:
         return kind(text)
     except ValueError:
         expected = "whole number" if kind is int else "number"
-        raise BadInput(f"--set {name}: '{text}' is no {expected}") from None
+        raise BadInput(f"--set {name}: '{text}' is not a {expected}") from None
 
 
 def _tree_file(name: str, directory: Path | None) -> Path:
@@ -229,14 +248,14 @@ def _out(out: Path | None, fusion: FusionParameters) -> Path:
 
 
 def policy_told(match: Match) -> tuple[str, str] | None:
-    """In a word, and in more, the policy that a match begins from; None where the controller has none."""
-    if match.fusion.controller not in LEARNERS:
+    """In a word, and in more, the policy that a match starts from; None where the controller has none."""
+    if not learns(match.fusion):
         return None
     if match.policy is None:
-        return "none", "it began from nothing"
+        return "none", "it started untrained"
     if match.policy == shipped_policy():
-        return "shipped", "which it began from; --policy none: from nothing"
-    return "given", f"which it began from: {match.policy}"
+        return "shipped", "which it started from; --policy none starts untrained"
+    return "given", f"which it started from: {match.policy}"
 
 
 def same_options(match: Match) -> str:
@@ -247,7 +266,8 @@ def same_options(match: Match) -> str:
     words = [word for source in match.observations.values() for word in ("--observation", source)]
     if match.trees is not None:
         words += "--trees", str(match.trees)
-    for values, usual in ((match.fusion, FusionParameters()), (match.simulation, SimulationParameters())):
+    for values in (match.fusion, match.simulation):
+        usual = type(values)()
         for name in limits_of(type(values)):
             if name not in _OF_THE_RUN and (value := getattr(values, name)) != getattr(usual, name):
                 words += "--set", f"{name}={set_text(value)}"
@@ -262,7 +282,7 @@ def set_text(value: object) -> str:
 
 
 def make_run_directory(match: Match) -> Match:
-    """Makes the run directory, and for one in runs/ of this checkout that directory as well. Gives the match that is there.
+    """Makes the run directory, and runs/ of this checkout for one in there. Gives the match with the directory that was made.
 
     Raises:
         BadInput: it exists, or can't be made.

@@ -18,8 +18,10 @@ from fbql_behaviors.storage import tree_from_bytes
 from fbql_common.core import recording_names
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping
+from fbql_fusion.controller_loading import know_installed
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
+from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.session import Session
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import policy_from_bytes
@@ -69,14 +71,22 @@ def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
     found = run.parameters.get("fusion")
     if not found:
         raise BadInput(f"{run.path}: it has no parameters; only a recording made by the fusion node can be recomputed")
-    ours = [field.name for field in fields(FusionParameters)]
+    controller = found.get("controller", "")
+    if not (isinstance(controller, str) and know_installed(controller)):
+        copy = f"{recording_names.CONTROLLERS}{controller}.py"
+        there = f" (the recording has a copy, {copy})" if copy in run.attachments else ""
+        raise BadInput(
+            f"{run.path}: unknown controller '{controller}'; name its file with --controller FILE.py:{controller}{there}"
+        )
+    declaration = fusion_parameters()
+    ours = [field.name for field in fields(declaration)]
     others = {field.name for field in fields(FusionNodeParameters)}
     lacking = [name for name in ours if name not in found]
     unknown = [name for name in found if name not in {*ours, *others}]
     notes = [f"not in the recording, so their defaults are used: {', '.join(lacking)}"] if lacking else []
     notes += [f"parameters of the recording that this release does not have: {', '.join(unknown)}"] if unknown else []
     values = {name: found[name] for name in ours if name in found}
-    return from_mapping(FusionParameters, values, f"{run.path}: config.yaml"), notes
+    return from_mapping(declaration, values, f"{run.path}: config.yaml"), notes
 
 
 def recorded_policy(run: Run) -> Policy | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import closing, nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -16,9 +16,10 @@ from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, types_of
-from fbql_fusion.core.fbql_value_parameters import FbqlValueParameters
-from fbql_fusion.core.parameters import FROM_PRESET, FusionParameters, check_fusion
+from fbql_fusion.controller_loading import know_controller
+from fbql_fusion.core.parameters import FROM_PRESET, FusionParameters, check_fusion, without_part
 from fbql_fusion.core.policy import Policy
+from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.session import Session
 from fbql_fusion.policy_storage import load_policy
 from fbql_recording import Run
@@ -35,30 +36,16 @@ _PROGRESS_STEPS = 1024
 _SHOWN_EPISODES = 40
 _ENDLESS = {"episodes": 0, "goals": 0}
 """The recording says when the run ends."""
-_SUBSUMPTIONS = frozenset({"preset", "wall_threshold_m", "approach_threshold_rad", "layers"})
-_FEATURES = frozenset(
-    {
-        *("fbql_leaf_pairs", "fbql_pair_tilings", "fbql_pair_tiles", "fbql_joint_tilings", "fbql_joint_tiles"),
-        "fbql_mirror",
-    }
-)
-"""Those of what both learners tell situations apart by."""
-_LITERALS = frozenset(
-    {
-        *("learning_rate", "discount", "weight_gain", "weight_offset", "gain_low", "gain_high", "weight_floor"),
-        *("tie_rule", "initial_q"),
-    }
-)
-"""Parameters that one controller alone has; those of fbql begin with its name."""
 
 
 def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Recomputes a run with what the arguments change, and prints how that differs. Returns 0. Raises BadInput."""
+    controller = know_controller(arguments.controller).name if arguments.controller else ""
     recorded, notes = recorded_parameters(run)
-    parameters = _changed(recorded, arguments)
+    parameters = _changed(recorded, arguments, controller)
     policy = _policy(run, recorded, parameters, arguments.policy, notes)
     behaviors = _behaviors(run, arguments)
-    session = Session(from_mapping(FusionParameters, {**asdict(parameters), **_ENDLESS}, "fusion"), policy)
+    session = Session(from_mapping(type(parameters), {**asdict(parameters), **_ENDLESS}, "fusion"), policy)
     changes = {name: [was, now] for name, was in asdict(recorded).items() if (now := asdict(parameters)[name]) != was}
     tallies = Tallies(run.behaviors)
     total = max(run.counts.values(), default=0)
@@ -80,7 +67,7 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
                 line.show(f"{index} of {total} steps")
     if not tallies.whole.steps:
         raise BadInput(f"{run.path}: it has no steps; there is nothing to recompute")
-    notes += _without_part(changes, parameters.controller, session.guided > 0)
+    notes += without_part(parameters, changes, session.guided > 0)
     what = ", ".join(f"{name}={now}" for name, (_, now) in changes.items())
     trees = f"trees of {', '.join(behaviors)} from {arguments.trees}" if behaviors else ""
     title = "; ".join(part for part in (what, trees) if part) or "nothing changes"
@@ -96,14 +83,14 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
     return 0
 
 
-def _changed(recorded: FusionParameters, arguments: argparse.Namespace) -> FusionParameters:
+def _changed(recorded: FusionParameters, arguments: argparse.Namespace, controller: str) -> FusionParameters:
     values = asdict(recorded)
     if arguments.preset:
         # Thresholds that were set one by one would override the preset's.
         values |= {"preset": arguments.preset, "wall_threshold_m": FROM_PRESET, "approach_threshold_rad": FROM_PRESET}
-    if arguments.controller:
-        values["controller"] = arguments.controller
-    kinds = types_of(FusionParameters)
+    if controller:
+        values["controller"] = controller
+    kinds = types_of(fusion_parameters())
     for setting in arguments.set:
         name, equals, text = setting.partition("=")
         if not equals or name not in kinds or name in _ENDLESS or name == "behaviors":
@@ -114,30 +101,9 @@ def _changed(recorded: FusionParameters, arguments: argparse.Namespace) -> Fusio
                 f"the world states stay as they were recorded){hint}"
             )
         values[name] = parsed(text, kinds[name], name)
-    parameters = from_mapping(FusionParameters, values, "fusion")
+    parameters = from_mapping(fusion_parameters(), values, "fusion")
     check_fusion(parameters, "fusion")
     return parameters
-
-
-def _without_part(changes: Iterable[str], controller: str, guided: bool) -> list[str]:
-    """A line for each changed parameter that the controller in force does not have."""
-    notes: list[str] = []
-    for name in changes:
-        if name in _SUBSUMPTIONS:
-            owners = ["subsumption"]
-        elif name in _LITERALS:
-            owners = ["fbql_literal"]
-        elif name in _FEATURES:
-            owners = ["fbql", "fbql_value"]
-        elif name.startswith("fbql_"):
-            owners = ["fbql_value" if name in types_of(FbqlValueParameters) else "fbql"]
-        else:
-            continue
-        # Subsumption is the guide as well.
-        if controller not in owners and not (owners == ["subsumption"] and guided):
-            owner = " and ".join(owners)
-            notes.append(f"{name} plays no part: it is a parameter of {owner}, and the controller is {controller}")
-    return notes
 
 
 def _policy(

@@ -1,5 +1,9 @@
 """The one exception for bad input: what is wrong, where, and what to do, in one line."""
 
+from __future__ import annotations
+
+from traceback import extract_tb
+
 
 class BadInput(ValueError):
     """A request that cannot be carried out as given.
@@ -7,3 +11,12 @@ class BadInput(ValueError):
     The message is one line for a person: what is wrong, where, what to do. Programs print it and
     exit with code 2.
     """
+
+
+def in_one_line(error: BaseException, file: str = "") -> str:
+    """An error of a user's code in one line, with the last line of that file that took part, if any did."""
+    if isinstance(error, SyntaxError):
+        return f"{type(error).__name__} in line {error.lineno}: {error.msg}"
+    lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == file]
+    place = f" in line {lines[-1]}" if lines else ""
+    return f"{type(error).__name__}{place}: {' '.join(str(error).split())}"

@@ -4,14 +4,17 @@
     class SimulatorParameters:
         seed: int = parameter(0, "seed of the first episode", low=0)
 
-The same declaration serves a node (`fbql_common.declare`), a command line and the run's config.yaml.
+The same declaration serves a node (`fbql_common.declare`), a command line and the run's config.yaml. Where one node has
+parameters of several parts, each part declares its own, under its name (`owned_by`), and the node's declaration inherits
+from all of them.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 from fbql_common.core.errors import BadInput
@@ -27,7 +30,9 @@ class Limits(NamedTuple):
     unit: str
     low: float | None
     high: float | None
-    choices: tuple[str, ...] | None
+    choices: Sequence[str] | None
+    owners: tuple[str, ...] = ()
+    """The parts that use it; empty: all of them."""
 
 
 def parameter(
@@ -37,7 +42,7 @@ def parameter(
     unit: str = "",
     low: float | None = None,
     high: float | None = None,
-    choices: tuple[str, ...] | None = None,
+    choices: Sequence[str] | None = None,
 ) -> Any:
     """A dataclass field with its limits. `low` and `high` belong to the range."""
     limits = Limits(description, unit, low, high, choices)
@@ -45,6 +50,19 @@ def parameter(
         values: list[Any] = list(default)  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
         return dataclasses.field(default_factory=lambda: list(values), metadata={"limits": limits})
     return dataclasses.field(default=default, metadata={"limits": limits})
+
+
+def owned_by[D](*owners: str) -> Callable[[type[D]], type[D]]:
+    """A class decorator, above @dataclass: the parameters that the declaration adds are used by these parts alone."""
+
+    def stamp(declaration: type[D]) -> type[D]:
+        for field in dataclasses.fields(declaration):  # pyright: ignore[reportArgumentType]
+            if field.name in declaration.__annotations__:
+                limits: Limits = field.metadata["limits"]
+                field.metadata = MappingProxyType({"limits": limits._replace(owners=owners)})
+        return declaration
+
+    return stamp
 
 
 def limits_of(declaration: type[Any]) -> dict[str, Limits]:

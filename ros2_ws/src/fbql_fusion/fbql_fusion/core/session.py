@@ -25,11 +25,11 @@ from fbql_common.core.types import (
 from fbql_recording.core.metrics import Digest, EpisodeRecord, Summary, summarise
 
 from fbql_fusion.core.blending import blend
-from fbql_fusion.core.controllers import Learner, Subsumption, Transition
-from fbql_fusion.core.joint_state import JointState
-from fbql_fusion.core.making import make_controller
-from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters, check_fusion
+from fbql_fusion.core.controllers.interface import JointState, Learner, Transition
+from fbql_fusion.core.guides.subsumption import Subsumption
+from fbql_fusion.core.parameters import FusionParameters, check_fusion, guided_episodes
 from fbql_fusion.core.policy import Policy
+from fbql_fusion.core.registry import make_controller
 
 _INF = float("inf")
 
@@ -55,10 +55,10 @@ class Rejections:
     def __str__(self) -> str:
         """Those that happened, in words."""
         words = {
-            "answers with a leaf that the tree has not": self.leaf_ids,
+            "answers with a leaf that the tree does not have": self.leaf_ids,
             "answers with a reference that is not finite": self.references,
             "answers from another tree than the behavior's first": self.trees,
-            "sets of weights that were none": self.weights,
+            "sets of weights that can't be used": self.weights,
         }
         return ", ".join(f"{count} {what}" for what, count in words.items() if count)
 
@@ -73,7 +73,7 @@ class Session:
 
     Args:
         parameters: what is played.
-        policy: what an earlier run learned, to go on from.
+        policy: what an earlier run learned, to continue from.
 
     Raises:
         BadInput: parameters that are wrong, or a policy that does not belong to them.
@@ -90,11 +90,10 @@ class Session:
         self._guide = Subsumption(parameters)
         self._given = policy
         if policy is not None:
-            self._take(policy)
+            self._load(policy)
         learning = self._learner is not None and parameters.learn
         self._free_phase = Phase.LEARNING if learning else Phase.EVALUATION
-        own = GUIDED_EPISODES if learning and policy is None else 0
-        self.guided = parameters.guided if parameters.guided >= 0 else own
+        self.guided = guided_episodes(parameters, learning, policy is not None)
         """Number of guided episodes, which come first."""
         self._collision_reward = parameters.collision_reward
         self._trees: list[tuple[int, str] | None] = [None] * len(self.behaviors)
@@ -284,11 +283,11 @@ class Session:
                 if is_known and 0 <= leaf_id < leaf_count and -_INF < left < _INF and -_INF < right < _INF:
                     leaves.append(leaf_id)
                     continue
-            heard = [self._examined(i, output) for i, output in enumerate(outputs)]
+            heard = [self._check_answer(i, output) for i, output in enumerate(outputs)]
             return tuple([NO_LEAF if x is None else x.leaf_id for x in heard]), heard, None not in heard
         return tuple(leaves), outputs, True
 
-    def _examined(self, i: int, output: BehaviorOutput | None) -> BehaviorOutput | None:
+    def _check_answer(self, i: int, output: BehaviorOutput | None) -> BehaviorOutput | None:
         """The answer of behavior i, or None where it can't be acted on. Its first answer says what its tree is."""
         if output is None:
             return None
@@ -344,8 +343,8 @@ class Session:
             return f"world state of episode {episode}, step {step}, while episode {self._episode} is played"
         return f"world state of episode {episode}, step {step}, after step {self._step} was decided"
 
-    def _take(self, policy: Policy) -> None:
-        """Takes over a policy. Raises BadInput where it is not of this controller and these behaviors."""
+    def _load(self, policy: Policy) -> None:
+        """Starts from a policy. Raises BadInput where it is not of this controller and these behaviors."""
         if self._learner is None:
             raise BadInput(f"controller '{self.parameters.controller}' takes no policy; leave the policy out")
         if policy.kind != self._learner.kind:

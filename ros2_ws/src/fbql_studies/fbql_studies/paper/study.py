@@ -19,8 +19,8 @@ from fbql.statistics.runs import Runs, method_row, runs_by_method
 from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import Phase
-from fbql_fusion.core.controllers import FbqlLiteral
-from fbql_fusion.core.equations import tied
+from fbql_fusion.core.learners.literal.equations import tied
+from fbql_fusion.core.learners.literal.learner import FbqlLiteral
 from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session

@@ -1,0 +1,68 @@
+"""Code of the user's own: a Python file named as FILE.py:NAME, or an entry point of an installed package.
+
+Only what the user named or installed is run, never what a recording, a tree or a policy names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from importlib.metadata import entry_points
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
+from fbql_common.core.errors import BadInput, in_one_line
+
+
+def split_source(source: str) -> tuple[Path, str]:
+    """The absolute path of FILE.py:NAME, and NAME; "" where it is FILE.py alone."""
+    place, colon, name = source.rpartition(":")
+    if not colon or source.endswith(".py"):
+        place, name = source, ""
+    return Path(place).absolute(), name
+
+
+def load_module(path: Path, what: str) -> ModuleType:
+    """The file as a module, run once in a process. Raises BadInput with the file, the line and the reason.
+
+    Args:
+        what: what is looked for in it, in words: "an observation".
+    """
+    name = f"fbql_own_{hashlib.sha256(str(path).encode()).hexdigest()[:16]}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise BadInput(f"{path}: {what} is a Python file; write FILE.py:NAME")
+    module = module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # whatever the file raises
+        del sys.modules[name]
+        reason = f"cannot be read ({error.strerror})" if isinstance(error, OSError) else in_one_line(error, str(path))
+        raise BadInput(f"{path}: {reason}") from None
+    return module
+
+
+def load_installed(group: str, name: str, what: str) -> tuple[object, str] | None:
+    """The object of an entry point, and the words for where it is; None where no package declares it.
+
+    Args:
+        what: what it is of, in words: "behavior".
+
+    Raises:
+        BadInput: two packages declare it, or it can't be loaded.
+    """
+    found = sorted(entry_points(group=group, name=name), key=lambda entry: entry.value)
+    if not found:
+        return None
+    values = sorted({entry.value for entry in found})
+    if len(values) > 1:
+        raise BadInput(f"{what} '{name}' is installed twice: {', '.join(values)}; remove one of the packages")
+    where = f"entry point {group}: {name} = {values[0]}"
+    try:
+        return found[0].load(), where
+    except Exception as error:  # whatever a foreign module raises
+        raise BadInput(f"{where}: {in_one_line(error)}") from None

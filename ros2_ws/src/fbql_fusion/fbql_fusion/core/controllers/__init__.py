@@ -1,0 +1,1 @@
+"""What a controller is, and the controllers that neither learn nor guide."""

@@ -1,0 +1,117 @@
+"""A controller that a user brought along, so that whatever is wrong with it is one line and not a traceback."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Integral, Real
+from typing import Any
+
+from fbql_common.core.errors import BadInput, in_one_line
+from fbql_common.core.types import BehaviorOutput, Phase, World
+from numpy.typing import NDArray
+
+from fbql_fusion.core.controllers.interface import Controller, JointState, Selection, Transition
+
+_CONTROLS = ("begin_episode", "select")
+_LEARNS = ("learn", "to_arrays", "load_arrays")
+
+
+class Guarded:
+    """Hands every call on. Raises BadInput for what the controller raises, and for a selection that can't be used.
+
+    Args:
+        where: how it is called in an error: "controller 'mine'".
+        file: its source, whose lines are named in errors; "" where it is not known.
+        behaviors: n.
+    """
+
+    def __init__(self, controller: Any, where: str, file: str, behaviors: int) -> None:
+        self._controller = controller
+        self._where = where
+        self._file = file
+        self._behaviors = behaviors
+
+    def begin_episode(self, phase: Phase) -> None:
+        """See `Controller`."""
+        self._call("begin_episode", phase)
+
+    def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
+        """See `Controller`."""
+        selection = self._call("select", world, joint_state, outputs)
+        wrong = _why_unusable(selection, self._behaviors)
+        if wrong:
+            raise BadInput(f"{self._where}: 'select' gives {wrong}")
+        weights, driver, q, learned = selection
+        return (
+            tuple([float(x) for x in weights]),
+            int(driver),
+            tuple([float(x) for x in q]),
+            tuple([float(x) for x in learned]),
+        )
+
+    def _call(self, method: str, *arguments: Any) -> Any:
+        return guarded_call(getattr(self._controller, method), self._where, self._file, *arguments)
+
+
+class GuardedLearner(Guarded):
+    """The same for one that learns."""
+
+    def __init__(self, controller: Any, where: str, file: str, behaviors: int, kind: str) -> None:
+        super().__init__(controller, where, file, behaviors)
+        self.kind = kind
+
+    def learn(self, transition: Transition) -> None:
+        """See `Learner`."""
+        self._call("learn", transition)
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """See `Learner`."""
+        return self._call("to_arrays")
+
+    def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """See `Learner`."""
+        self._call("load_arrays", arrays)
+
+
+def guard(controller: Any, name: str, file: str, behaviors: int) -> Controller:
+    """A guarded controller, which is a `Learner` where this one has all of a learner's methods.
+
+    Raises BadInput where a method is missing.
+    """
+    where = f"controller '{name}'"
+    learns = any(hasattr(controller, method) for method in _LEARNS)
+    missing = [method for method in (*_CONTROLS, *(_LEARNS if learns else ())) if not hasattr(controller, method)]
+    if missing:
+        also = f"; one that learns has {', '.join(_LEARNS)}" if missing[0] in _LEARNS else ""
+        raise BadInput(f"{where}: a {type(controller).__name__} has no method '{missing[0]}'{also}")
+    if learns:
+        return GuardedLearner(controller, where, file, behaviors, str(getattr(controller, "kind", name)))
+    return Guarded(controller, where, file, behaviors)
+
+
+def guarded_call(function: Callable[..., Any], where: str, file: str, *arguments: Any) -> Any:
+    """Calls a user's function. Raises BadInput, in one line, for whatever it raises."""
+    try:
+        return function(*arguments)
+    except BadInput:
+        raise
+    except Exception as error:  # whatever a user's code raises
+        raise BadInput(f"{where}: {in_one_line(error, file)}") from None
+
+
+def _why_unusable(selection: Any, n: int) -> str:
+    """What is wrong with a selection, in words; "" where nothing is."""
+    if not isinstance(selection, tuple | list) or len(selection) != 4:  # pyright: ignore[reportUnknownArgumentType]
+        return f"a {type(selection).__name__}; expected (weights, driver, q, learned weights)"  # pyright: ignore[reportUnknownArgumentType]
+    weights, driver, q, learned = selection  # pyright: ignore[reportUnknownVariableType]
+    if not isinstance(driver, Integral) or not -1 <= driver < n:  # pyright: ignore[reportOperatorIssue]
+        return f"driver {driver!r}; expected the index of a behavior, or -1 for a blend by the weights"
+    for name, values, lengths in (("weights", weights, (n,)), ("q", q, (0, n)), ("learned weights", learned, (0, n))):  # pyright: ignore[reportUnknownVariableType]
+        try:
+            numbers = [isinstance(x, Real) for x in values]  # pyright: ignore[reportUnknownVariableType]
+        except TypeError:
+            return f"{name} that are a {type(values).__name__}"  # pyright: ignore[reportUnknownArgumentType]
+        if len(numbers) not in lengths or not all(numbers):
+            none = " or none" if 0 in lengths else ""
+            return f"{name} {values!r}; expected {n} numbers{none}"
+    return ""

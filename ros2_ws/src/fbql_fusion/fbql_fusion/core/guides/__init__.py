@@ -1,0 +1,1 @@
+"""Controllers that can drive the guided episodes."""

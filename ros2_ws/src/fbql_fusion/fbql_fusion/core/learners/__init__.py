@@ -1,0 +1,1 @@
+"""The controllers that learn, a folder each, and beside them what they share."""

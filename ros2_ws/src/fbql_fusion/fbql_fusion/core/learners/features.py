@@ -1,0 +1,287 @@
+"""The features of a step: which joint leaves, and which regions of what the behaviors sense, it falls into.
+
+A feature is active or not. Each step has the same number of active features, and a feature gets its index when it is met
+for the first time, so that memory grows with what was visited and never with the product of the leaves. Nothing here
+knows what a behavior senses: its numbers are ranked among those of the first episodes (`Scales`).
+
+The weights depend on nothing else. The critic V, needed only while learning, may see the world state as well
+(`world_tiles`).
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from itertools import accumulate, combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+from fbql_common.core.errors import BadInput
+from fbql_common.core.types import NO_LEAF
+from numpy.typing import NDArray
+
+from fbql_fusion.core.controllers.interface import JointState
+from fbql_fusion.core.learners.policy_arrays import check_arrays, check_range, rows_of
+from fbql_fusion.core.learners.tilings import Tilings
+from fbql_fusion.core.learners.world_tiles import GROUPS, world_tiles
+
+KNOTS = 17
+"""Quantiles that a component's scale is made of."""
+SIGNED_SHARE = 0.1
+"""A component is signed where at least this share of its values is below 0, and above."""
+_MIX = 1_000_003
+_BELOW_ONE = 1.0 - 1e-12
+
+
+class Situation(NamedTuple):
+    """What the features are made of: everything the behaviors say of a step, without their references."""
+
+    joint_state: JointState
+    """Length n."""
+    observed: tuple[tuple[float, ...], ...]
+    """What each behavior senses, length n; empty where it did not answer."""
+    critic_inputs: tuple[float, ...] = ()
+    """What the critic sees beside that, `world_tiles.critic_inputs`; empty where it sees no more."""
+
+
+class Scales:
+    """Ranks: each component of what is sensed becomes a number in [0, 1), the share of the values seen below it.
+
+    Ranks need neither units nor ranges, and resolve finely what is met often. Two situations that mirror each other
+    (left and right) get the same ranks: components that take both signs are bearings or lateral offsets in frames after
+    REP 103, and change their sign together. The last of them is made positive.
+
+    Args:
+        knots: quantiles of each component, [d, KNOTS], rows not decreasing.
+        signed: which components change their sign in the mirror, [d].
+        lengths: components of each behavior, length n, sum d.
+    """
+
+    def __init__(self, knots: NDArray[np.float64], signed: NDArray[np.bool_], lengths: Sequence[int]) -> None:
+        self.knots = knots
+        self.signed = signed
+        self.lengths = tuple(lengths)
+        self._knots: list[list[float]] = knots.tolist()
+        self._signed: list[bool] = signed.tolist()
+        marked = [i for i, is_signed in enumerate(self._signed) if is_signed]
+        self._decisive = marked[-1] if marked else -1
+        self._none = [False] * len(self._signed)
+
+    @classmethod
+    def of(cls, situations: Sequence[Situation], mirror: bool) -> Scales:
+        """The scales of what was sensed in situations, at least one, in which every behavior answered."""
+        lengths = [len(observed) for observed in situations[0].observed]
+        values = np.array([[x for observed in each.observed for x in observed] for each in situations])
+        share = SIGNED_SHARE * len(values)
+        signed = ((values < 0).sum(axis=0) >= share) & ((values > 0).sum(axis=0) >= share)
+        if not mirror:
+            signed[:] = False
+        if signed.any():
+            decisive = values[:, np.flatnonzero(signed)[-1]]
+            values[np.ix_(decisive < 0, signed)] *= -1.0
+        knots = np.quantile(values, np.linspace(0.0, 1.0, KNOTS), axis=0).T
+        return cls(np.ascontiguousarray(knots), signed, lengths)
+
+    def ranks(self, observed: Sequence[Sequence[float]]) -> list[float | None]:
+        """The rank of each component, length d; None for those of a behavior that did not answer, or says something else.
+
+        Args:
+            observed: what each behavior senses, length n.
+        """
+        values: list[float | None] = []
+        for length, own in zip(self.lengths, observed, strict=True):
+            values += own if len(own) == length else [None] * length
+        decisive = values[self._decisive] if self._decisive >= 0 else None
+        turned = self._signed if decisive is not None and decisive < 0.0 else self._none
+        return [
+            None if x is None else _rank(-x if turns else x, knots)
+            for x, turns, knots in zip(values, turned, self._knots, strict=True)
+        ]
+
+
+def _parts_of[T](values: Sequence[T], lengths: Sequence[int]) -> list[Sequence[T]]:
+    """The values of each behavior, one after the other."""
+    ends = list(accumulate(lengths))
+    return [values[end - length : end] for end, length in zip(ends, lengths, strict=True)]
+
+
+def _rank(x: float, knots: list[float]) -> float:
+    """The share of values below x, in [0, 1), linear between the knots."""
+    i = bisect_right(knots, x)
+    if i == 0:
+        return 0.0
+    if i == len(knots):
+        return _BELOW_ONE
+    low = knots[i - 1]
+    return min((i - 1 + (x - low) / (knots[i] - low)) / (len(knots) - 1), _BELOW_ONE)
+
+
+class Resolution(NamedTuple):
+    """How finely the features distinguish situations."""
+
+    leaf_pairs: bool = True
+    """Whether there is a feature for each leaf and each pair of leaves."""
+    pair_tilings: int = 4
+    """Tilings of what each two behaviors sense."""
+    pair_tiles: int = 6
+    """Tiles along each component of such a tiling."""
+    joint_tilings: int = 4
+    """Tilings of what all behaviors sense."""
+    joint_tiles: int = 4
+    """Tiles along each component of such a tiling."""
+    world_tilings: int = 0
+    """Tilings of the world state, for each of `world_tiles.GROUPS`, which V alone sees."""
+    mirror: bool = True
+    """Whether situations that mirror each other share their tiles."""
+
+
+class Features:
+    """The indices of a situation's active features.
+
+    Active are the leaf of each behavior, each pair of leaves, and one tile of each tiling. The tilings of a kind are
+    shifted against each other by `offsets`, so that together they distinguish more than one and still generalise. A
+    behavior that does not report what it senses is left out of the tilings.
+
+    Args:
+        scales: of what is sensed.
+        offsets: shift of each tiling along each component, in tiles, [tilings, d].
+    """
+
+    def __init__(self, scales: Scales, resolution: Resolution, offsets: NDArray[np.float64]) -> None:
+        self.scales = scales
+        self.resolution = resolution
+        self.offsets = offsets
+        self._index: dict[int, int] = {}
+        n, d = len(scales.lengths), len(scales.knots)
+        pairs = list(combinations(range(n), 2))
+        self._leaves = [(-1 - i) * _MIX for i in range(n)] if resolution.leaf_pairs else []
+        self._leaf_pairs = [(i, j, (-1 - i * n - j) * _MIX * _MIX) for i, j in pairs] if resolution.leaf_pairs else []
+        groups: list[tuple[tuple[int, ...], int, int]] = []
+        groups += [(pair, t, resolution.pair_tiles) for pair in pairs for t in range(resolution.pair_tilings)]
+        groups += [
+            (tuple(range(n)), resolution.pair_tilings + t, resolution.joint_tiles)
+            for t in range(resolution.joint_tilings)
+        ]
+        owner = np.repeat(np.arange(n), scales.lengths)
+        asked = [(group, np.isin(owner, group), row, tiles) for group, row, tiles in groups]
+        asked = [each for each in asked if each[1].any()]
+        self._tilings = Tilings.of(
+            [tiles * member.astype(np.float64) for _, member, _, tiles in asked],
+            [offsets[row] * member for _, member, row, _ in asked],
+            d,
+            first=1,
+        )
+        of_the_world = world_tiles(resolution.world_tilings)
+        self._with_world = self._tilings.beside(of_the_world)
+        self._needs = [[i for i in group if scales.lengths[i]] for group, *_ in asked] + [[]] * len(of_the_world.sizes)
+        """The behaviors whose observations a tiling needs."""
+        leaves = n + len(pairs) if resolution.leaf_pairs else 0
+        self.active_features = leaves + len(asked)
+        """F: how many are active where every behavior answered."""
+        self.critic_features = len(GROUPS) * resolution.world_tilings
+        """F': how many more V sees."""
+
+    @staticmethod
+    def random_offsets(resolution: Resolution, components: int, generator: np.random.Generator) -> NDArray[np.float64]:
+        """Offsets for `Features`, [tilings, d]."""
+        return generator.random((resolution.pair_tilings + resolution.joint_tilings, components))
+
+    def __len__(self) -> int:
+        """Features met so far."""
+        return len(self._index)
+
+    @property
+    def keys(self) -> NDArray[np.int64]:
+        """The key of every feature, in the order of their indices, [m]."""
+        return np.fromiter(self._index, dtype=np.int64, count=len(self._index))
+
+    def load_keys(self, keys: NDArray[np.int64]) -> None:
+        """Restores keys as `keys` gives them. Raises BadInput for a key twice."""
+        index = {key: i for i, key in enumerate(keys.tolist())}
+        if len(index) != len(keys):
+            raise BadInput("the policy's array 'keys' has a feature twice")
+        self._index = index
+
+    def row(self, situation: Situation) -> list[int]:
+        """The active features, then those of the critic's further inputs: what is kept of a situation to learn from. Those
+        met for the first time get an index. Where V sees more, the situation has to have it."""
+        index = self._index
+        keys = self._keys(situation, situation.critic_inputs if self.critic_features else ())
+        try:
+            return list(map(index.__getitem__, keys))
+        except KeyError:
+            return [index.setdefault(key, len(index)) for key in keys]
+
+    def active_in(self, row: list[int]) -> list[int]:
+        """The active features of a row."""
+        return row[: len(row) - self.critic_features]
+
+    def known(self, situation: Situation) -> list[int]:
+        """The active features that have an index."""
+        index = self._index
+        return [index[key] for key in self._keys(situation, ()) if key in index]
+
+    def _keys(self, situation: Situation, critic_inputs: tuple[float, ...]) -> list[int]:
+        """A number for each active feature, and then for each tile of the critic's inputs, if there are any: equal for equal
+        features, and for others only with probability 2^-62.
+
+        Those of leaves are below 0, where no tile's are.
+        """
+        leaves = situation.joint_state
+        keys = [base - leaf for base, leaf in zip(self._leaves, leaves) if leaf != NO_LEAF]  # noqa: B905 - none, or as many
+        keys += [
+            base + leaves[i] * _MIX + leaves[j] for i, j, base in self._leaf_pairs if leaves[i] != NO_LEAF != leaves[j]
+        ]
+        tilings = self._with_world if critic_inputs else self._tilings
+        if not len(tilings.families):
+            return keys
+        ranks = self.scales.ranks(situation.observed)
+        found = tilings.keys([*[0.0 if x is None else x for x in ranks], *critic_inputs])
+        if None not in ranks:
+            return keys + found
+        known = [None not in own for own in _parts_of(ranks, self.scales.lengths)]
+        needs = self._needs[: len(found)]
+        return keys + [key for key, needed in zip(found, needs, strict=True) if all(known[i] for i in needed)]
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """keys int64 [m], knots float64 [d, KNOTS], signed bool [d], lengths int64 [n], offsets float64 [tilings, d],
+        resolution int64 [7]."""  # fmt: skip
+        scales = self.scales
+        return {
+            "keys": self.keys,
+            "knots": scales.knots,
+            "signed": scales.signed,
+            "lengths": np.array(scales.lengths, dtype=np.int64),
+            "offsets": self.offsets,
+            "resolution": np.array(self.resolution, dtype=np.int64),
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], resolution: Resolution, behaviors: int) -> Features:
+        """The features that `to_arrays` gave. Raises BadInput where the arrays can't be that."""
+        check_arrays(arrays, {"lengths": ("i", (behaviors,)), "signed": ("b", (rows_of(arrays, "signed"),))})
+        _check_resolution(arrays, resolution)
+        lengths: list[int] = arrays["lengths"].tolist()
+        if min(lengths) < 0:
+            raise BadInput("the policy's array 'lengths' has a number below 0")
+        d, tilings = sum(lengths), resolution.pair_tilings + resolution.joint_tilings
+        check_arrays(arrays, {"knots": ("f", (d, KNOTS)), "signed": ("b", (d,)), "offsets": ("f", (tilings, d))})
+        check_arrays(arrays, {"keys": ("i", (rows_of(arrays, "keys"),))})
+        check_range(arrays, "offsets", 0.0, 1.0)
+        if (np.diff(arrays["knots"], axis=1) < 0).any():
+            raise BadInput("the policy's array 'knots' has quantiles that decrease")
+        features = cls(Scales(arrays["knots"], arrays["signed"], lengths), resolution, arrays["offsets"])
+        features.load_keys(arrays["keys"])
+        return features
+
+
+def _check_resolution(arrays: Mapping[str, NDArray[Any]], expected: Resolution) -> None:
+    """Raises BadInput where features were made with another resolution than the parameters'."""
+    check_arrays(arrays, {"resolution": ("i", (len(expected),))})
+    for name, found, given in zip(Resolution._fields, arrays["resolution"].tolist(), expected, strict=True):
+        if found != given:
+            said = bool(found) if isinstance(given, bool) and found in (0, 1) else found
+            raise BadInput(
+                f"the policy was learned with fbql_{name} {str(said).lower()}, but the parameter is {str(given).lower()}; "
+                "set it to that value, or choose another policy"
+            )

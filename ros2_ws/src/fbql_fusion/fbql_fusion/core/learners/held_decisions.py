@@ -1,0 +1,292 @@
+"""What the learners that hold their decisions share: features, the trajectory under way, and how a decision is made.
+
+A decision is an option (Sutton, Precup & Singh 1999): one behavior drives for several steps, so that learning is that of a
+semi-Markov decision process. What a decision is worth, and how that is learned, is for the learner: `Fbql` (PPO) or
+`FbqlValue` (action values).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import Any, NamedTuple
+
+import numpy as np
+from fbql_common.core.errors import BadInput
+from fbql_common.core.types import DRIVER_BLEND, BehaviorOutput, Phase, World
+from numpy.typing import NDArray
+
+from fbql_fusion.core.controllers.interface import JointState, Selection, Transition
+from fbql_fusion.core.learners import trajectories
+from fbql_fusion.core.learners.features import Features, Resolution, Scales, Situation
+from fbql_fusion.core.learners.linear import CAPACITY, Floats, grown, padded
+from fbql_fusion.core.learners.parameters import FeatureParameters
+from fbql_fusion.core.learners.policy_arrays import check_arrays, generator_state, set_generator_state
+from fbql_fusion.core.learners.trajectories import Trajectory
+from fbql_fusion.core.learners.world_tiles import FAR, critic_inputs
+
+FIRST_EPISODES = 20
+"""Episodes that the scales are made of where none is guided."""
+_FIRST_BATCH = 2
+_BATCH_GROWTH = 20
+"""Episodes after which a batch has one episode more."""
+_ALWAYS = {"counts": ("i", (2,)), "generator": ("u", (6,))}
+"""Kind and shape of the arrays that every policy has."""
+
+Values = tuple[tuple[float, ...], tuple[float, ...]]
+"""(weights, q) of a situation, each of length n; q is empty where only weights are learned."""
+
+
+class Holding(NamedTuple):
+    """How long a decision is held, and how it is made."""
+
+    steps: int
+    """Steps for which a decision is held while learning."""
+    play_steps: int
+    """The same while not learning."""
+    play: str
+    """One of `parameters.PLAYS`: how a decision is made while not learning."""
+    patience: int
+    """Decisions in the same joint state, in one episode, after which the driver is drawn there; 0: never."""
+    discount: float
+    """gamma, per step."""
+    batch_episodes: int
+    """Episodes in a batch, later on."""
+    world_tilings: int
+    """Tilings of the world state that a critic sees, see `Resolution`."""
+
+
+class HeldDecisions(ABC):
+    """Decides every few steps who drives, and collects what came of it."""
+
+    def __init__(self, parameters: FeatureParameters, holding: Holding, generator: np.random.Generator) -> None:
+        self._parameters = parameters
+        self._holding = holding
+        self._generator = generator
+        self._behaviors = n = len(parameters.behaviors)
+        self._resolution = Resolution(
+            parameters.fbql_leaf_pairs,
+            parameters.fbql_pair_tilings,
+            parameters.fbql_pair_tiles,
+            parameters.fbql_joint_tilings,
+            parameters.fbql_joint_tiles,
+            holding.world_tilings,
+            parameters.fbql_mirror,
+        )
+        self._alone = tuple(tuple(1.0 if i == driver else 0.0 for i in range(n)) for driver in range(n))
+        self._features: Features | None = None
+        self._lengths: tuple[int, ...] | None = None
+        """How many numbers each behavior senses, length n, once it is known."""
+        self._episodes: int = 0
+        """Episodes that ended, guided ones not counted."""
+        self._updates: int = 0
+        self._waiting: list[Trajectory] = []
+        """Ended episodes that were not learned from yet."""
+
+        self._phase = Phase.EVALUATION
+        self._trajectory: Trajectory | None = None
+        """That of the episode under way; None where nothing is, or can be, learned from it."""
+        self._linked = False
+        """Whether a transition led to the world state that is decided next."""
+        self._held_for = 0
+        self._weights: tuple[float, ...] = (1.0 / n,) * n
+        self._learned: tuple[float, ...] = self._weights
+        """Those that the last decision was made by."""
+        self._driver = DRIVER_BLEND
+        self._q: tuple[float, ...] = ()
+        self._visits: dict[JointState, int] = {}
+
+    def __len__(self) -> int:
+        """Number of features met so far."""
+        return 0 if self._features is None else len(self._features)
+
+    @abstractmethod
+    def _evaluate(self, active: Sequence[int]) -> Values:
+        """Weights and Q of a situation with these active features; where it is empty, none is known yet."""
+
+    @abstractmethod
+    def _learn_first(self) -> None:
+        """Learns from the first trajectories, in `_waiting`. Their features were just made."""
+
+    @abstractmethod
+    def _learn_waiting(self) -> None:
+        """Called when a trajectory was added to `_waiting`: learns from them, if it is time to."""
+
+    @abstractmethod
+    def _tables(self) -> dict[str, Floats]:
+        """The tables of what was learned, a row for each feature, by their names in a policy."""
+
+    @abstractmethod
+    def _set_tables(self, tables: Mapping[str, Floats]) -> None:
+        """Replaces them."""
+
+    def begin_episode(self, phase: Phase) -> None:
+        """A new episode. One that did not end is not learned from."""
+        self._phase = phase
+        if self._features is None and self._waiting and phase is not Phase.GUIDED:
+            guided = self._waiting[0].guided
+            if guided or len(self._waiting) >= FIRST_EPISODES or phase is Phase.EVALUATION:
+                self._make_features()
+        learns = self._parameters.learn and phase is not Phase.EVALUATION
+        self._trajectory = Trajectory(guided=phase is Phase.GUIDED) if learns else None
+        self._linked = True
+        self._held_for = 0
+        self._visits.clear()
+
+    def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
+        """The behavior that is held, alone, or, when its steps are over, that of a new decision."""
+        complete = None not in outputs
+        if self._trajectory is not None and not (self._linked and complete):
+            self._trajectory = None  # a step or an answer is missing: what a decision led to is not known
+        self._linked = False
+        if self._held_for and complete and not world.ended:
+            self._held_for -= 1
+            if self._driver == DRIVER_BLEND:
+                self._weights, self._q = self._evaluate(self._known(self._situation(world, joint_state, outputs)))
+                self._learned = self._weights
+            return self._weights, self._driver, self._q, self._learned
+        situation = self._situation(world, joint_state, outputs)
+        if self._trajectory is not None and not self._is_sound(situation):
+            self._trajectory = None
+        if world.ended:
+            if self._trajectory is not None:
+                self._end(self._trajectory, situation)
+            return self._weights, self._driver, self._q, self._learned
+        self._decide(situation, outputs)
+        steps = self._holding.play_steps if self._phase is Phase.EVALUATION else self._holding.steps
+        self._held_for = steps - 1 if complete else 0
+        return self._weights, self._driver, self._q, self._learned
+
+    def _situation(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Situation:
+        """What is known of a step; what only the critic sees is added where it is learned from."""
+        observed = tuple([() if x is None else x.observation for x in outputs])
+        if self._trajectory is None or not self._resolution.world_tilings:
+            return Situation(joint_state, observed)
+        return Situation(joint_state, observed, critic_inputs(world, self._resolution.mirror))
+
+    def _is_sound(self, situation: Situation) -> bool:
+        """Whether it can be learned from: every number finite, each behavior senses as many as ever, and the world state is
+        within FAR."""
+        lengths = tuple([len(observed) for observed in situation.observed])
+        if self._lengths is None:
+            self._lengths = lengths
+        inputs = situation.critic_inputs
+        sound = lengths == self._lengths and isfinite(sum(map(sum, situation.observed)) + sum(inputs))
+        return sound and (not inputs or (max(inputs) < FAR and min(inputs) > -FAR))
+
+    def _known(self, situation: Situation) -> Sequence[int]:
+        """The active features that were met before."""
+        return () if self._features is None else self._features.known(situation)
+
+    def _decide(self, situation: Situation, outputs: Sequence[BehaviorOutput | None]) -> None:
+        """Who drives for the next steps."""
+        trajectory = self._trajectory
+        features = self._features
+        row = features.row(situation) if features is not None and trajectory is not None else None
+        active = self._known(situation) if features is None or row is None else features.active_in(row)
+        weights, self._q = self._evaluate(active)
+        self._learned = weights
+        live = [w if x is not None else 0.0 for w, x in zip(weights, outputs, strict=True)]
+        joint_state = situation.joint_state
+        visits = self._visits[joint_state] = self._visits.get(joint_state, 0) + 1
+        patience = self._holding.patience
+        play = "drawn" if self._phase is not Phase.EVALUATION else self._holding.play
+        if 0 < patience < visits and self._phase is Phase.EVALUATION:
+            # The weights for the draw become more equal with every repetition: no deadlock lasts.
+            play, live = "drawn", [w ** (patience / visits) for w in live]
+        if play == "blended" or not any(live):
+            self._weights, self._driver = weights, DRIVER_BLEND
+            return
+        driver = self._draw(live) if play == "drawn" else live.index(max(live))
+        self._weights, self._driver = self._alone[driver], driver
+        if trajectory is not None:
+            trajectory.begin_decision(situation, row, driver, weights[driver])
+
+    def _draw(self, weights: Sequence[float]) -> int:
+        """A behavior, each with the probability of its weight."""
+        left = self._generator.random() * sum(weights)
+        for driver, weight in enumerate(weights):
+            left -= weight
+            if left < 0.0:
+                return driver
+        return max(driver for driver, weight in enumerate(weights) if weight)
+
+    def learn(self, transition: Transition) -> None:
+        """Adds a step to the decision under way, which is learned from when its episode has ended."""
+        self._linked = True
+        if self._trajectory is None:
+            return
+        if not self._trajectory.add_step(transition.driver, transition.reward, self._holding.discount):
+            self._trajectory = None
+        elif transition.terminated:
+            self._trajectory.terminated = True
+
+    def _end(self, trajectory: Trajectory, situation: Situation) -> None:
+        """The episode is complete: `situation` is what it ended in."""
+        self._trajectory = None
+        if not trajectory.drivers:
+            return
+        trajectory.end(situation, None if self._features is None else self._features.row(situation))
+        self._waiting.append(trajectory)
+        if not trajectory.guided:
+            self._episodes += 1
+        if self._features is not None:
+            self._learn_waiting()
+
+    def _is_batch(self) -> bool:
+        """Whether enough episodes wait. The first batches are small: early episodes are long and teach the most."""
+        return len(self._waiting) >= min(self._holding.batch_episodes, _FIRST_BATCH + self._episodes / _BATCH_GROWTH)
+
+    def _make_features(self) -> None:
+        """After the first episodes: makes scales and features of what was sensed in them, and learns from them."""
+        situations = [situation for trajectory in self._waiting for situation in trajectory.situations]
+        scales = Scales.of(situations, self._resolution.mirror)
+        offsets = Features.random_offsets(self._resolution, len(scales.knots), self._generator)
+        self._features = features = Features(scales, self._resolution, offsets)
+        for trajectory in self._waiting:
+            trajectory.rows = [features.row(situation) for situation in trajectory.situations]
+            trajectory.situations = []
+        self._learn_first()
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """Everything learned, and what an exact continuation takes: the generator, and the episodes that wait.
+
+        counts int64 [2] (episodes, updates), generator uint64 [6], the learner's tables float64 [m, ...] (m features); of
+        the features see `Features.to_arrays`, of the episodes `trajectories`. As long as there are no features, only counts
+        and generator are there: the first episodes, guided or not, are not kept.
+        """
+        arrays: dict[str, NDArray[Any]] = {
+            "counts": np.array([self._episodes, self._updates], dtype=np.int64),
+            "generator": generator_state(self._generator),
+        }
+        if self._features is None:
+            return arrays
+        self._grow_tables()
+        m = len(self)
+        arrays |= {name: table[:m].copy() for name, table in self._tables().items()}
+        return arrays | self._features.to_arrays() | trajectories.to_arrays(self._waiting)
+
+    def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Restores what `to_arrays` gave. Raises BadInput where the arrays can't be that."""
+        check_arrays(arrays, _ALWAYS)
+        counts: list[int] = arrays["counts"].tolist()
+        self._episodes, self._updates = counts
+        if not self._can_be_counts():
+            raise BadInput(f"the policy's array 'counts' is {counts}, which can't be")
+        set_generator_state(self._generator, arrays["generator"])
+        if arrays.keys() > _ALWAYS.keys() or self._updates:
+            features = Features.from_arrays(arrays, self._resolution, self._behaviors)
+            m = len(features)
+            shapes = {name: ("f", (m, *table.shape[1:])) for name, table in self._tables().items()}
+            check_arrays(arrays, shapes)
+            self._waiting = trajectories.from_arrays(arrays, features, self._behaviors)
+            self._features, self._lengths = features, features.scales.lengths
+            self._set_tables({name: padded(arrays[name], max(m, CAPACITY)) for name in shapes})
+
+    def _can_be_counts(self) -> bool:
+        return min(self._episodes, self._updates) >= 0
+
+    def _grow_tables(self) -> None:
+        """Adds rows for the features that were met since."""
+        self._set_tables({name: grown(table, len(self)) for name, table in self._tables().items()})

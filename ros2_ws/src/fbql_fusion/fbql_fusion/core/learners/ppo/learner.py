@@ -1,0 +1,174 @@
+"""The learner `fbql`: proximal policy optimisation (PPO; Schulman et al. 2017, arXiv 1707.06347) over tile-coded features.
+
+- The policy: a softmax of preferences, linear in tile-coded features, draws one behavior, which drives for several steps:
+  an option of a semi-Markov decision process (Sutton, Precup & Singh 1999).
+- The critic is asymmetric (Pinto et al. 2018, arXiv 1710.06542): it also sees the world state, see `world_tiles`. Its
+  advantages are GAE's (Schulman et al. 2016, arXiv 1506.02438).
+- Warm start: behavioral cloning of the guide, Subsumption, in the guided episodes.
+
+What is kept of the paper's FBQL: behaviors side by side, a weight for each, learned in the joint state from sparse
+rewards, guided episodes first. What is replaced: eq. 5's shared target, by a critic of the state and the credit of the
+behavior that drove; eq. 6's jump of the argmax, by a gradient; the table, by features. docs/fusion.md says why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fbql_fusion.core.learners.held_decisions import HeldDecisions, Holding, Values
+from fbql_fusion.core.learners.linear import CAPACITY, Floats, add_shared, log_weight_gradient, row_sum
+from fbql_fusion.core.learners.ppo.equations import (
+    advantages,
+    approx_kl,
+    clipped_surrogate_step,
+    normalised_advantages,
+    softmax,
+    weights_of,
+)
+from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
+from fbql_fusion.core.learners.trajectories import Trajectory, minibatches
+
+
+class Batch(NamedTuple):
+    """N decisions of whole episodes."""
+
+    active: NDArray[np.int64]
+    """The features that the weights depend on, [N, F]."""
+    critic_inputs: NDArray[np.int64]
+    """Those that V depends on: the same and those of its further inputs, [N, F + F']."""
+    drivers: NDArray[np.int64]
+    """[N]"""
+    old_probs: Floats
+    """The weights by which they were drawn, [N]."""
+    advantages: Floats
+    """A of eq. 13, [N]."""
+    lambda_returns: Floats
+    """A + V, the critic's targets, [N]."""
+
+    @classmethod
+    def of(cls, trajectories: Sequence[Trajectory], value: Floats, trace: float, active_features: int) -> Batch:
+        """Puts trajectories together. `value` is V's table, [features], `active_features` F."""
+        inputs: list[NDArray[np.int64]] = []
+        found: list[Floats] = []
+        targets: list[Floats] = []
+        for each in trajectories:
+            rows = np.array(each.rows, dtype=np.int64)
+            values = value[rows].sum(axis=1)
+            own = values[:-1].copy()
+            if each.terminated:
+                values[-1] = 0.0
+            advantage = advantages(np.array(each.rewards), np.array(each.discounts), values, trace)
+            inputs.append(rows[:-1])
+            found.append(advantage)
+            targets.append(advantage + own)
+        every = np.concatenate(inputs)
+        return cls(
+            np.ascontiguousarray(every[:, :active_features]),
+            every,
+            np.array([driver for each in trajectories for driver in each.drivers], dtype=np.int64),
+            np.array([old_prob for each in trajectories for old_prob in each.old_probs]),
+            np.concatenate(found),
+            np.concatenate(targets),
+        )
+
+
+class Fbql(HeldDecisions):
+    """PPO (see the module)."""
+
+    kind = "fbql"
+
+    def __init__(self, parameters: FbqlParameters, generator: np.random.Generator) -> None:
+        holding = Holding(
+            parameters.fbql_hold_steps,
+            parameters.fbql_play_steps,
+            parameters.fbql_play,
+            parameters.fbql_patience,
+            parameters.fbql_discount,
+            parameters.fbql_batch_episodes,
+            parameters.fbql_world_tilings,
+        )
+        super().__init__(parameters, holding, generator)
+        self._ppo = parameters
+        self._theta = np.zeros((CAPACITY, self._behaviors))
+        self._value = np.zeros(CAPACITY)
+
+    def _evaluate(self, active: Sequence[int]) -> Values:
+        """Eq. 10."""
+        return softmax(row_sum(self._theta, active)), ()
+
+    def _learn_waiting(self) -> None:
+        if self._waiting[-1].guided:
+            guided = self._waiting.pop()
+            self._clone([guided], [self._is_example(guided)])
+        elif self._is_batch():
+            self._update()
+
+    def _learn_first(self) -> None:
+        guided = [each for each in self._waiting if each.guided]
+        if guided:
+            self._waiting = [each for each in self._waiting if not each.guided]
+            examples = [self._is_example(each) for each in guided]
+            self._clone(guided, examples if any(examples) else [True] * len(guided))
+        else:
+            self._update()
+
+    def _is_example(self, guided: Trajectory) -> bool:
+        return guided.succeeded or self._ppo.fbql_imitate_failures
+
+    def _clone(self, guided: Sequence[Trajectory], examples: Sequence[bool]) -> None:
+        """The warm start, eqs. 11 and 15 on guided episodes: V learns what they led to, and the weights clone the guide in
+        the examples among them. One that did not end in a goal is no example, unless the guide never succeeded at first."""
+        p = self._ppo
+        batch = self._batch(guided)
+        example = np.repeat(examples, [len(each.drivers) for each in guided])
+        for _ in range(p.fbql_guide_passes):
+            for some in minibatches(len(example), p.fbql_minibatch, self._generator):
+                self._update_critic(batch, some)
+                shown = some[example[some]]
+                active = batch.active[shown]
+                step = log_weight_gradient(weights_of(self._theta, active), batch.drivers[shown])
+                add_shared(self._theta, active, step, p.fbql_rate)
+
+    def _update(self) -> None:
+        """PPO's update, eqs. 12 to 15, on the episodes that wait."""
+        p = self._ppo
+        batch = self._batch(self._waiting)
+        self._waiting = []
+        advantage = normalised_advantages(batch.advantages)
+        for _ in range(p.fbql_passes):
+            kl = approx_kl(weights_of(self._theta, batch.active), batch.drivers, batch.old_probs)
+            for some in minibatches(len(advantage), p.fbql_minibatch, self._generator):
+                if kl <= p.fbql_divergence:
+                    active = batch.active[some]
+                    weights = weights_of(self._theta, active)
+                    step = clipped_surrogate_step(
+                        weights, batch.drivers[some], batch.old_probs[some], advantage[some], p.fbql_clip
+                    )
+                    add_shared(self._theta, active, step, p.fbql_rate)
+                self._update_critic(batch, some)
+        self._updates += 1
+
+    def _update_critic(self, batch: Batch, some: NDArray[np.int64]) -> None:
+        """Eq. 15 for some decisions of a batch."""
+        inputs = batch.critic_inputs[some]
+        error = batch.lambda_returns[some] - self._value[inputs].sum(axis=1)
+        add_shared(self._value, inputs, error, self._ppo.fbql_value_rate)
+
+    def _batch(self, trajectories: Sequence[Trajectory]) -> Batch:
+        """Their decisions, with advantages by V as it is now."""
+        self._grow_tables()
+        assert self._features is not None
+        return Batch.of(trajectories, self._value, self._ppo.fbql_trace, self._features.active_features)
+
+    def _tables(self) -> dict[str, Floats]:
+        return {"theta": self._theta, "value": self._value}
+
+    def _set_tables(self, tables: Mapping[str, Floats]) -> None:
+        self._theta, self._value = tables["theta"], tables["value"]
+
+    def _can_be_counts(self) -> bool:
+        return 0 <= self._updates <= self._episodes

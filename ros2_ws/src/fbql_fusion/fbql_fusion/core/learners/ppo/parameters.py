@@ -1,0 +1,66 @@
+"""The parameters of `controller` fbql: how long a decision is held, what the critic sees, and those of PPO."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fbql_common.core.parameters import owned_by, parameter
+
+from fbql_fusion.core.learners.parameters import PLAYS, FeatureParameters
+
+
+@owned_by("fbql")
+@dataclass(frozen=True)
+class FbqlParameters(FeatureParameters):
+    """What `docs/fusion.md` calls eqs. 10 to 15. The defaults were chosen on training seeds and tree sets."""
+
+    fbql_hold_steps: int = parameter(4, "steps for which fbql holds a decision while it learns", low=1, high=1000)
+    fbql_play_steps: int = parameter(
+        2, "steps for which fbql holds a decision when it does not learn", low=1, high=1000
+    )
+    fbql_play: str = parameter(
+        "held",
+        "how fbql plays when it does not learn: the behavior with the largest weight drives, one drawn by the weights, "
+        "or all of them blended",
+        choices=PLAYS,
+    )
+    fbql_patience: int = parameter(
+        10,
+        "decisions in the same joint state, in one episode, after which fbql that does not learn draws there instead of "
+        "repeating itself, from weights that become more equal with each repetition; 0: never",
+        low=0,
+        high=1_000_000,
+    )
+    fbql_reward_collision: float = parameter(
+        -0.2, "reward of a collision for fbql, once when it begins", low=-1e9, high=1e9
+    )
+    fbql_world_tilings: int = parameter(
+        4,
+        "tilings of the positions of ball and robot and of the ball's velocity that the critic of fbql sees beside what "
+        "the behaviors sense; needed only while learning, no weight depends on them; 0: the critic sees only what the "
+        "behaviors sense",
+        low=0,
+        high=32,
+    )
+
+    fbql_discount: float = parameter(0.998, "gamma of fbql, per step", low=0.0, high=1.0)
+    fbql_trace: float = parameter(0.95, "lambda of eq. 13 (GAE), per decision", low=0.0, high=1.0)
+    fbql_rate: float = parameter(0.15, "alpha of eq. 14, shared by the active features", low=0.0, high=10.0)
+    fbql_value_rate: float = parameter(
+        0.03, "beta of eq. 15, shared by all features that the critic sees", low=0.0, high=2.0
+    )
+    fbql_clip: float = parameter(
+        0.4, "PPO's clip range: change of a weight, as a share of it, beyond which eq. 14 leaves it", low=0.0
+    )
+    fbql_batch_episodes: int = parameter(
+        20, "episodes in a batch, later on; the first batches have 3 and more", low=1, high=1000
+    )
+    fbql_passes: int = parameter(8, "passes over a batch", low=1, high=100)
+    fbql_guide_passes: int = parameter(4, "passes over the guided episodes", low=0, high=1000)
+    fbql_imitate_failures: bool = parameter(
+        False, "whether guided episodes that did not end in a goal are imitated as well"
+    )
+    fbql_minibatch: int = parameter(128, "decisions in a minibatch", low=1, high=100_000)
+    fbql_divergence: float = parameter(
+        0.05, "approximate KL divergence of a batch's weights beyond which the passes stop changing them", low=0.0
+    )

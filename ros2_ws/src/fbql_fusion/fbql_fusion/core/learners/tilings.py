@@ -1,0 +1,88 @@
+"""Tile coding (Sutton & Barto, 9.5.4): grids over numbers, shifted against each other. Each tile has a key."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+_WORD = (1 << 64) - 1
+_TILE = (1 << 62) - 1
+"""The bits of a tile's key."""
+
+
+class Tilings(NamedTuple):
+    """K tilings over d components."""
+
+    sizes: NDArray[np.float64]
+    """Tiles per unit of each component, 0 where the tiling leaves it out, [K, d]."""
+    shifts: NDArray[np.float64]
+    """In tiles, [K, d]."""
+    factors: NDArray[np.int64]
+    """[K, d]"""
+    families: NDArray[np.int64]
+    """[K]"""
+
+    @classmethod
+    def of(
+        cls, sizes: Sequence[NDArray[np.float64]], shifts: Sequence[NDArray[np.float64]], d: int, first: int
+    ) -> Tilings:
+        """Tilings with these sizes and shifts, [d] each. Other tilings take another `first`, so that no key is shared."""
+        count = len(sizes)
+        factors = np.array(splitmix64(count * (d + 1), first), dtype=np.int64).reshape(count, d + 1)
+        return cls(
+            np.array(sizes, dtype=np.float64).reshape(count, d),
+            np.array(shifts, dtype=np.float64).reshape(count, d),
+            factors[:, :d],
+            factors[:, d],
+        )
+
+    def keys(self, values: Sequence[float]) -> list[int]:
+        """The key of the tile of each tiling, 0 .. 2^62 - 1: equal for the same tile, and for others only with probability 2^-62.
+
+        It is the sum of the tile's coordinates, each times a factor of its own, modulo 2^62.
+
+        Args:
+            values: the components, length d.
+        """
+        at = self.sizes * values
+        at += self.shifts
+        tiles = np.floor(at, out=at).astype(np.int64)
+        tiles *= self.factors
+        keys = np.add.reduce(tiles, axis=1)
+        keys += self.families
+        keys &= _TILE
+        return keys.tolist()
+
+    def beside(self, other: Tilings) -> Tilings:
+        """These tilings and then the others, over the components of both, one after the other, with the same keys."""
+        (k, d), (more, others) = self.sizes.shape, other.sizes.shape
+
+        def block_diagonal(own: NDArray[Any], its: NDArray[Any]) -> NDArray[Any]:
+            both = np.zeros((k + more, d + others), dtype=own.dtype)
+            both[:k, :d], both[k:, d:] = own, its
+            return both
+
+        return Tilings(
+            block_diagonal(self.sizes, other.sizes),
+            block_diagonal(self.shifts, other.shifts),
+            block_diagonal(self.factors, other.factors),
+            np.concatenate([self.families, other.families]),
+        )
+
+
+def splitmix64(count: int, first: int = 1) -> list[int]:
+    """That many pseudo-random numbers, 0 .. 2^63 - 1, fixed forever (SplitMix64): policies depend on them.
+
+    Args:
+        first: index of the first in the sequence of all.
+    """
+    numbers: list[int] = []
+    for i in range(first, first + count):
+        z = i * 0x9E3779B97F4A7C15 & _WORD
+        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 & _WORD
+        z = (z ^ z >> 27) * 0x94D049BB133111EB & _WORD
+        numbers.append((z ^ z >> 31) >> 1)
+    return numbers

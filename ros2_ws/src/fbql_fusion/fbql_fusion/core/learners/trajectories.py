@@ -1,0 +1,121 @@
+"""The decisions of whole episodes, and what came of them: what the learners that hold their decisions learn from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from fbql_common.core.errors import BadInput
+from numpy.typing import NDArray
+
+from fbql_fusion.core.learners.features import Features, Situation
+from fbql_fusion.core.learners.policy_arrays import check_arrays, check_range, rows_of
+
+_THE_GUIDES = -1
+"""The driver of a guided decision until its first step tells whom the guide chose."""
+
+
+@dataclass
+class Trajectory:
+    """The decisions of one episode, in order, and the situation that it ended in."""
+
+    guided: bool
+    situations: list[Situation] = field(default_factory=list[Situation])
+    """T + 1 situations, only as long as there are no features for them."""
+    rows: list[list[int]] = field(default_factory=list[list[int]])
+    """Features of the T + 1 situations: those that are active, then those of the critic's further inputs."""
+    drivers: list[int] = field(default_factory=list[int])
+    """Who drove after each of the T decisions."""
+    old_probs: list[float] = field(default_factory=list[float])
+    """The weight by which it was drawn."""
+    rewards: list[float] = field(default_factory=list[float])
+    """R of each decision."""
+    discounts: list[float] = field(default_factory=list[float])
+    """gamma^k of each decision, k the steps that it was held for."""
+    terminated: bool = False
+
+    def begin_decision(self, situation: Situation, row: list[int] | None, driver: int, old_prob: float) -> None:
+        """A decision was taken. `row` is its features; None as long as there are none."""
+        self._add(situation, row)
+        self.drivers.append(_THE_GUIDES if self.guided else driver)
+        self.old_probs.append(old_prob)
+        self.rewards.append(0.0)
+        self.discounts.append(1.0)
+
+    def add_step(self, driver: int, reward: float, discount: float) -> bool:
+        """A step of the decision under way. False where nobody drove, so that nothing can be learned from it."""
+        if not self.drivers or driver < 0:
+            return False
+        if self.drivers[-1] == _THE_GUIDES:
+            self.drivers[-1] = driver
+        self.rewards[-1] += self.discounts[-1] * reward
+        self.discounts[-1] *= discount
+        return True
+
+    def end(self, situation: Situation, row: list[int] | None) -> None:
+        """The episode ended in this situation."""
+        self._add(situation, row)
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether it ended neither by the time limit nor in a punishment: in a goal, then."""
+        return self.terminated and self.rewards[-1] >= 0.0
+
+    def _add(self, situation: Situation, row: list[int] | None) -> None:
+        if row is None:
+            self.situations.append(situation)
+        else:
+            self.rows.append(row)
+
+
+def minibatches(decisions: int, size: int, generator: np.random.Generator) -> Iterator[NDArray[np.int64]]:
+    """The indices of all decisions in a random order, `size` at a time."""
+    order = generator.permutation(decisions)
+    for begin in range(0, decisions, size):
+        yield order[begin : begin + size]
+
+
+def to_arrays(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[Any]]:
+    """Trajectories that were not learned from yet: for E of them with N decisions in all, waiting_lengths int64 [E],
+    waiting_terminated bool [E], waiting_active (the rows of `Trajectory`) int64 [N + E, F + F'], waiting_driver int64 [N],
+    waiting_chance (`old_probs`), waiting_reward and waiting_discount float64 [N]."""
+    rows = [row for each in trajectories for row in each.rows]
+    return {
+        "waiting_lengths": np.array([len(each.drivers) for each in trajectories], dtype=np.int64),
+        "waiting_terminated": np.array([each.terminated for each in trajectories], dtype=np.bool_),
+        "waiting_active": np.array(rows, dtype=np.int64).reshape(len(rows), -1 if rows else 0),
+        "waiting_driver": np.array([x for each in trajectories for x in each.drivers], dtype=np.int64),
+        "waiting_chance": np.array([x for each in trajectories for x in each.old_probs], dtype=np.float64),
+        "waiting_reward": np.array([x for each in trajectories for x in each.rewards], dtype=np.float64),
+        "waiting_discount": np.array([x for each in trajectories for x in each.discounts], dtype=np.float64),
+    }
+
+
+def from_arrays(arrays: Mapping[str, NDArray[Any]], features: Features, behaviors: int) -> list[Trajectory]:
+    """The trajectories that `to_arrays` gave. Raises BadInput where the arrays can't be that."""
+    names = ("lengths", "terminated", "driver", "active", "chance", "reward", "discount")
+    count, total = rows_of(arrays, "waiting_lengths"), rows_of(arrays, "waiting_driver")
+    width = features.active_features + features.critic_features if count else 0
+    shapes = ((count,), (count,), (total,), (count + total, width), (total,), (total,), (total,))
+    kinds = zip("ibiifff", shapes, strict=True)
+    check_arrays(arrays, {f"waiting_{name}": kind for name, kind in zip(names, kinds, strict=True)})
+    check_range(arrays, "waiting_lengths", 1, total)
+    check_range(arrays, "waiting_active", 0, len(features) - 1)
+    check_range(arrays, "waiting_driver", 0, behaviors - 1)
+    check_range(arrays, "waiting_chance", float(np.finfo(np.float64).tiny), 1.0)
+    check_range(arrays, "waiting_discount", 0.0, 1.0)
+    lengths, terminated, driver, active, *rest = (arrays[f"waiting_{name}"] for name in names)
+    if sum(lengths.tolist()) != total:
+        raise BadInput("the policy's arrays 'waiting_*' do not fit each other")
+    trajectories: list[Trajectory] = []
+    at = 0
+    for i, length in enumerate(lengths.tolist()):
+        own = slice(at, at + length)
+        old_probs, rewards, discounts = (each[own].tolist() for each in rest)
+        rows = active[at + i : at + i + length + 1].tolist()
+        drivers = driver[own].tolist()
+        trajectories.append(Trajectory(False, [], rows, drivers, old_probs, rewards, discounts, bool(terminated[i])))
+        at += length
+    return trajectories

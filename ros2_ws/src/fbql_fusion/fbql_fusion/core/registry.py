@@ -1,0 +1,151 @@
+"""The controllers by name: those of this package, and those that a user registers.
+
+    register_controller("greedy", Greedy)
+
+`Greedy(parameters, generator)` gives a `Controller` or a `Learner` (`controllers.interface`). Where it declares parameters
+of its own, `--set`, config.yaml and the fusion node take them like all others.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import sys
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from fbql_common.core.errors import BadInput
+from fbql_common.core.parameters import check, limits_of, types_of
+
+from fbql_fusion.core.controllers.guarded import guard, guarded_call
+from fbql_fusion.core.controllers.interface import Controller, Learner
+from fbql_fusion.core.controllers.parameters import CONTROLLERS
+from fbql_fusion.core.controllers.uniform import Uniform
+from fbql_fusion.core.guides.subsumption import Subsumption
+from fbql_fusion.core.learners.literal.learner import FbqlLiteral
+from fbql_fusion.core.learners.ppo.learner import Fbql
+from fbql_fusion.core.learners.value.learner import FbqlValue
+from fbql_fusion.core.parameters import FusionParameters
+
+Factory = Callable[[Any, np.random.Generator], Any]
+"""(parameters, generator) -> a controller. The generator is seeded from the run's seed; use no other."""
+_OURS: dict[str, Factory] = {
+    "fbql": Fbql,
+    "fbql_literal": FbqlLiteral,
+    "fbql_value": FbqlValue,
+    "subsumption": lambda parameters, _: Subsumption(parameters),
+    "uniform": lambda parameters, _: Uniform(parameters),
+}
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+
+
+class _Registered(NamedTuple):
+    factory: Factory
+    parameters: type[Any] | None
+    """The dataclass of its parameters, which the factory gets one of; None: it gets all of fusion's."""
+
+
+_registered: dict[str, _Registered] = {}
+
+
+def register_controller(name: str, factory: Factory, parameters: type[Any] | None = None) -> None:
+    """Makes a controller known by a name. One that was registered under this name before is replaced.
+
+    Args:
+        name: letters, digits and underscores.
+        factory: makes it; a class will do.
+        parameters: the declaration of its own parameters, a frozen dataclass of `parameter(...)` fields that inherits
+            from `SessionParameters`; by default the attribute `Parameters` of the factory, if it has one.
+
+    Raises:
+        BadInput: a name that can't be used, a factory that is none, or a declaration that can't be used.
+    """
+    where = f"controller '{name}'"
+    if not _NAME.fullmatch(name):
+        raise BadInput(f"{where}: use letters, digits and underscores for its name")
+    if name in _OURS:
+        raise BadInput(f"{where}: this package has a controller of that name; choose another")
+    if not callable(factory):
+        raise BadInput(f"{where}: a {type(factory).__name__} is not a class or a function (parameters, generator)")
+    declaration = getattr(factory, "Parameters", None) if parameters is None else parameters
+    if declaration is not None:
+        _check_declaration(declaration, name, where)
+    _registered[name] = _Registered(factory, declaration)
+    if name not in CONTROLLERS:
+        CONTROLLERS.append(name)
+
+
+def forget_controller(name: str) -> None:
+    """Undoes `register_controller`."""
+    del _registered[name]
+    CONTROLLERS.remove(name)
+
+
+def fusion_parameters() -> type[FusionParameters]:
+    """`FusionParameters`, and with them the own parameters of every controller that was registered."""
+    own: dict[str, tuple[str, Any, Any]] = {}
+    ours = limits_of(FusionParameters)
+    for name, registered in _registered.items():
+        if registered.parameters is not None:
+            kinds = types_of(registered.parameters)
+            for field in dataclasses.fields(registered.parameters):
+                owners = ours[field.name].owners if field.name in ours else ()
+                if field.name not in ours or owners:
+                    own[field.name] = (field.name, kinds[field.name], _owned(field, (*owners, name)))
+    if not own:
+        return FusionParameters
+    return dataclasses.make_dataclass("FusionParameters", own.values(), bases=(FusionParameters,), frozen=True)
+
+
+def make_controller(parameters: FusionParameters) -> Controller:
+    """The controller that the parameters name, with a random stream of its own from the run's seed."""
+    name = parameters.controller
+    generator = np.random.default_rng(np.random.SeedSequence(parameters.seed, spawn_key=(0,)))
+    if name in _OURS:
+        return _OURS[name](parameters, generator)
+    factory, declaration = _registered[name]
+    given: Any = parameters
+    if declaration is not None:
+        values = {field.name: getattr(parameters, field.name, None) for field in dataclasses.fields(declaration)}
+        given = declaration(**{key: value for key, value in values.items() if hasattr(parameters, key)})
+    file = str(getattr(sys.modules.get(getattr(factory, "__module__", "")), "__file__", ""))
+    made = guarded_call(factory, f"controller '{name}'", file, given, generator)
+    return guard(made, name, file, len(parameters.behaviors))
+
+
+def learns(parameters: FusionParameters) -> bool:
+    """Whether the controller that the parameters name can learn."""
+    return isinstance(make_controller(parameters), Learner)
+
+
+def _check_declaration(declaration: Any, name: str, where: str) -> None:
+    """Raises BadInput where a declaration can't be added to fusion's parameters."""
+    if not (isinstance(declaration, type) and dataclasses.is_dataclass(declaration)):
+        raise BadInput(f"{where}: its Parameters must be a dataclass of parameter(...) fields")
+    undeclared = [field.name for field in dataclasses.fields(declaration) if "limits" not in field.metadata]
+    if undeclared:
+        raise BadInput(f"{where}: declare its parameter '{undeclared[0]}' with parameter(...)")
+    try:
+        check(declaration(), where)
+    except (TypeError, NameError) as error:
+        raise BadInput(f"{where}: its Parameters can't be used ({error})") from None
+    others = {
+        field.name: other
+        for other, registered in _registered.items()
+        if other != name and registered.parameters is not None
+        for field in dataclasses.fields(registered.parameters)
+    }
+    ours = limits_of(FusionParameters)
+    for key, limits in limits_of(declaration).items():
+        if (key in ours and limits != ours[key]._replace(owners=limits.owners)) or (key not in ours and key in others):
+            whose = others.get(key, "fusion")
+            raise BadInput(f"{where}: {whose} has a parameter '{key}' already; choose another name")
+
+
+def _owned(field: dataclasses.Field[Any], owners: tuple[str, ...]) -> Any:
+    """A copy of a field that knows whose it is."""
+    metadata = {"limits": field.metadata["limits"]._replace(owners=owners)}
+    if field.default_factory is not dataclasses.MISSING:
+        return dataclasses.field(default_factory=field.default_factory, metadata=metadata)
+    return dataclasses.field(default=field.default, metadata=metadata)

@@ -1,0 +1,181 @@
+"""Equations 10 to 15: numbers computed by hand, and slow literal oracles in plain Python."""
+
+from __future__ import annotations
+
+from math import log
+
+import numpy as np
+import pytest
+from equation_oracles import gradient, literal_softmax, preference_lists
+from fbql_fusion.core.learners.linear import row_sum
+from fbql_fusion.core.learners.ppo import equations as eq
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+numbers = st.floats(-20, 20)
+shares = st.floats(0, 1)
+
+
+# Eq. 10
+
+
+def test_weights_are_in_proportion_to_the_powers_of_the_preferences() -> None:
+    assert eq.softmax([0.0, log(3.0)]) == pytest.approx((0.25, 0.75), abs=1e-15)
+    assert eq.softmax([7.0]) == (1.0,)
+
+
+@given(preference_lists(), st.floats(-600, 600))
+def test_weights_sum_to_1_and_stay_when_all_preferences_shift(h: list[float], shift: float) -> None:
+    weights = eq.softmax(h)
+    assert weights == pytest.approx(literal_softmax(h), abs=1e-14)
+    assert sum(weights) == pytest.approx(1.0, abs=1e-14)
+    assert eq.softmax([x + shift for x in h]) == pytest.approx(weights, abs=1e-12)
+
+
+def test_preferences_far_apart_do_not_overflow() -> None:
+    assert eq.softmax([-1e4, 1e4]) == (0.0, 1.0)
+
+
+@given(st.integers(1, 4), st.integers(0, 5), st.integers(1, 6), st.integers(0, 1000))
+def test_the_weights_of_many_decisions_are_those_of_each(n: int, features: int, decisions: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    theta = rng.normal(size=(8, n))
+    active = rng.integers(0, 8, size=(decisions, features))
+    found = eq.weights_of(theta, active)
+    assert found.shape == (decisions, n)
+    for row, weights in zip(active.tolist(), found.tolist(), strict=True):
+        assert weights == pytest.approx(eq.softmax(row_sum(theta, row)), abs=1e-14)
+
+
+# Eqs. 12 and 13
+
+
+def test_advantage_is_the_td_error_and_a_decayed_share_of_later_ones() -> None:
+    # d_0 = 0 + 0.5 * 2 - 1 = 0 and d_1 = 10 + 0.5 * 4 - 2 = 10; A_1 = 10 and A_0 = 0 + 0.5 * 0.5 * 10.
+    found = eq.advantages(np.array([0.0, 10.0]), np.array([0.5, 0.5]), np.array([1.0, 2.0, 4.0]), 0.5)
+    assert found.tolist() == [2.5, 10.0]
+
+
+@st.composite
+def episodes(draw: st.DrawFn) -> tuple[list[float], list[float], list[float]]:
+    """R, gamma^k and V of an episode of 1 to 8 decisions."""
+    length = draw(st.integers(1, 8))
+    rewards = draw(st.lists(numbers, min_size=length, max_size=length))
+    discounts = draw(st.lists(shares, min_size=length, max_size=length))
+    return rewards, discounts, draw(st.lists(numbers, min_size=length + 1, max_size=length + 1))
+
+
+@given(episodes(), shares)
+def test_advantages_are_the_double_sum_of_their_definition(
+    episode: tuple[list[float], list[float], list[float]], trace: float
+) -> None:
+    rewards, discounts, values = episode
+    expected: list[float] = []
+    for t in range(len(rewards)):
+        total = 0.0
+        for later in range(t, len(rewards)):
+            share = 1.0
+            for between in range(t, later):
+                share *= discounts[between] * trace
+            total += share * (rewards[later] + discounts[later] * values[later + 1] - values[later])
+        expected.append(total)
+    found = eq.advantages(np.array(rewards), np.array(discounts), np.array(values), trace)
+    assert found.tolist() == pytest.approx(expected, abs=1e-9)
+
+
+@given(episodes())
+def test_with_lambda_1_advantage_and_value_are_the_discounted_return(
+    episode: tuple[list[float], list[float], list[float]],
+) -> None:
+    rewards, discounts, values = episode
+    later = values[-1]
+    returns: list[float] = []
+    for reward, discount in zip(reversed(rewards), reversed(discounts), strict=True):
+        later = reward + discount * later
+        returns.insert(0, later)
+    found = eq.advantages(np.array(rewards), np.array(discounts), np.array(values), 1.0) + values[:-1]
+    assert found.tolist() == pytest.approx(returns, abs=1e-9)
+
+
+def test_normalised_advantages_have_mean_0_and_deviation_1() -> None:
+    assert eq.normalised_advantages(np.array([1.0, 3.0])).tolist() == pytest.approx([-1.0, 1.0], abs=1e-7)
+
+
+@given(st.lists(numbers, min_size=1, max_size=9), st.floats(0.1, 9), numbers)
+def test_normalised_advantages_do_not_depend_on_the_unit_of_reward(
+    values: list[float], scale: float, shift: float
+) -> None:
+    assume(np.std(values) > 0.01)
+    once = eq.normalised_advantages(np.array(values))
+    assert eq.normalised_advantages(scale * np.array(values) + shift) == pytest.approx(once, abs=1e-4)
+
+
+def test_where_nothing_is_better_than_anything_else_no_advantage_is_left() -> None:
+    assert eq.normalised_advantages(np.full(3, 7.0)).tolist() == [0.0, 0.0, 0.0]
+
+
+# Eq. 14
+
+
+def test_a_drawn_behavior_with_an_advantage_gains_what_the_others_lose() -> None:
+    found = eq.clipped_surrogate_step(np.array([[0.5, 0.5]]), np.array([0]), np.array([0.5]), np.array([2.0]), 0.4)
+    assert found.tolist() == [[1.0, -1.0]]
+
+
+@pytest.mark.parametrize(
+    ("advantage", "weight", "expected"),
+    [
+        (1.0, 0.8, 0.0),  # rho = 1.6 > 1.4: far enough up
+        (-1.0, 0.8, -1.6 * 0.2),  # the wrong way: back
+        (-1.0, 0.2, 0.0),  # rho = 0.4 < 0.6: far enough down
+        (1.0, 0.2, 0.4 * 0.8),
+        (1.0, 0.65, 1.3 * 0.35),
+        (-1.0, 0.35, -0.7 * 0.65),
+    ],
+)
+def test_a_weight_that_went_far_enough_is_left_alone(advantage: float, weight: float, expected: float) -> None:
+    weights = np.array([[weight, 1.0 - weight]])
+    found = eq.clipped_surrogate_step(weights, np.array([0]), np.array([0.5]), np.array([advantage]), 0.4)
+    assert found[0].tolist() == pytest.approx([expected, -expected])
+
+
+@given(preference_lists(2), preference_lists(2), st.floats(-3, 3), st.floats(0.05, 0.9), st.data())
+def test_clipped_surrogate_step_is_the_gradient_of_the_clipped_surrogate(
+    h: list[float], before: list[float], advantage: float, clip: float, data: st.DataObject
+) -> None:
+    n = min(len(h), len(before))
+    h, before = h[:n], before[:n]
+    drawn = data.draw(st.integers(0, n - 1))
+    old_prob = literal_softmax(before)[drawn]
+    rho = literal_softmax(h)[drawn] / old_prob
+    assume(min(abs(rho - 1 - clip), abs(rho - 1 + clip)) > 1e-3)  # there the surrogate has a corner
+
+    def objective(x: list[float]) -> float:
+        weights = literal_softmax(x)
+        ratio = weights[drawn] / old_prob
+        clipped = min(max(ratio, 1 - clip), 1 + clip)
+        return min(ratio * advantage, clipped * advantage)
+
+    found = eq.clipped_surrogate_step(
+        np.array([literal_softmax(h)]), np.array([drawn]), np.array([old_prob]), np.array([advantage]), clip
+    )
+    expected = gradient(objective, h)
+    assert found[0].tolist() == pytest.approx(expected, abs=1e-5 * max(1.0, rho))
+
+
+# The approximate KL divergence
+
+
+def test_approx_kl_is_the_mean_of_rho_less_1_less_its_log() -> None:
+    weights = np.array([[0.5, 0.5], [0.2, 0.8]])
+    found = eq.approx_kl(weights, np.array([0, 1]), np.array([0.25, 0.8]))
+    assert found == pytest.approx((2.0 - 1.0 - log(2.0)) / 2.0)
+
+
+@given(st.lists(st.tuples(st.floats(0.001, 1), st.floats(0.001, 1)), min_size=1, max_size=9))
+def test_approx_kl_is_never_below_0_and_0_where_nothing_changed(pairs: list[tuple[float, float]]) -> None:
+    now, then = np.array(pairs).T
+    weights = np.stack([now, 1.0 - now], axis=1)
+    drawn = np.zeros(len(pairs), dtype=np.int64)
+    assert eq.approx_kl(weights, drawn, then) >= -1e-9
+    assert eq.approx_kl(weights, drawn, now) == pytest.approx(0.0, abs=1e-9)
