@@ -130,6 +130,6 @@ def test_a_parameter_that_the_shipped_policy_does_not_fit_names_it_and_the_way_o
     ],
 )
 def test_a_setting_that_is_none_says_what_is_meant(setting: str, says: str) -> None:
-    with pytest.raises(BadInput, match="^--set ") as refused:
+    with pytest.raises(BadInput, match=r"^--set ") as refused:
         match("--set", setting)
     assert says in str(refused.value)
