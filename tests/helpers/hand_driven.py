@@ -34,7 +34,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-PATIENCE_S = 10.0
+PATIENCE_S = 30.0
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
 DECODE = {World: decode_world, BehaviorOutput: decode_output, WheelCommand: decode_command, Decision: decode_decision}
 STEP_NS = 16_666_667

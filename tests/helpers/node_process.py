@@ -13,7 +13,7 @@ from time import monotonic
 import pytest
 from ament_index_python.packages import get_package_prefix
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 class NodeProcess:
