@@ -7,19 +7,25 @@ import pytest
 from fbql_behaviors.behavior_node import BehaviorNode
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.tree import Leaf
+from fbql_behaviors.observation_loading import load_observation
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common import watch
+from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput
 from fbql_common.topics import CLOCK, POSE_QOS, STEP_QOS, WORLD, behavior_topic
 from fbql_common.wire import encode_world
 from fbql_msgs.msg import WorldState
 from geometry_msgs.msg import PoseStamped
 from hand_driven import STEP_NS, Partner, listen, shipped_tree, world_at
+from places import ROOT
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 NAME = "approaching"
+EXAMPLE = ROOT / "examples/shooting"
+TREE, SOURCE = EXAMPLE / "shooting.json", f"{EXAMPLE / 'shooting.py'}:shooting"
+"""A behavior of the user's own, with its observation in a file."""
 
 
 class Asked:
@@ -226,3 +232,28 @@ def test_simulator_of_another_type_is_an_error_that_names_topic_and_types(bench,
     bench.until_said("publishes geometry_msgs/msg/PoseStamped, expected fbql_msgs/msg/WorldState")
     line = next(line for line in bench.said().splitlines() if "expected fbql_msgs" in line)
     assert "[ERROR]" in line and f"{bench.namespace}/world: " in line
+
+
+def test_a_behavior_of_ones_own_answers_by_its_tree_and_marks_what_lies_outside_its_region(bench):
+    asked = Asked(bench, "", "shooting", tree_file=str(TREE), observation=SOURCE)
+    behavior = Behavior("shooting", load_tree(TREE), load_observation(SOURCE).observation)
+    worlds = [world_at(0, 1, ball_x_m=0.2, ball_y_m=0.0), world_at(0, 2, robot_yaw_rad=2.0)]
+    for world, clamped in zip(worlds, (False, True), strict=True):
+        answer = asked.answer_to(world)
+        assert (answer, answer.clamped) == (behavior.answer(world), clamped)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"tree_file": str(TREE)}, "unknown behavior 'shooting'.*FILE.py:shooting"),
+        ({"tree_file": str(TREE), "observation": "missing.py:shooting"}, "missing.py: cannot be read"),
+        (
+            {"tree_file": str(shipped_tree("ball_seeking")), "observation": SOURCE},
+            "is the observation of behavior 'shooting', not of 'ball_seeking'",
+        ),
+    ],
+)
+def test_an_observation_that_is_not_the_trees_is_refused(bench, parameters, reason):
+    with pytest.raises(BadInput, match=reason):
+        bench.add(BehaviorNode, **parameters)
