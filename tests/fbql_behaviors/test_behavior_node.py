@@ -7,19 +7,23 @@ import pytest
 from fbql_behaviors.behavior_node import BehaviorNode
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.tree import Leaf
+from fbql_behaviors.observation_loading import load_observation
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common import watch
+from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput
 from fbql_common.topics import CLOCK, POSE_QOS, STEP_QOS, WORLD, behavior_topic
 from fbql_common.wire import encode_world
 from fbql_msgs.msg import WorldState
-from geometry_msgs.msg import PoseStamped
 from hand_driven import STEP_NS, Partner, listen, shipped_tree, world_at
+from places import ROOT
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 NAME = "approaching"
+EXAMPLE = ROOT / "examples/shooting"
+TREE, SOURCE = EXAMPLE / "shooting.json", f"{EXAMPLE / 'shooting.py'}:shooting"
+"""A behavior of the user's own, with its observation in a file."""
 
 
 class Asked:
@@ -98,8 +102,7 @@ def test_time_may_begin_anew_after_a_pause(bench, asked, monkeypatch):
     assert asked.answer_to(world_at(-1, 7)).step == 7
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf])
-@pytest.mark.parametrize("field", ["robot_x_m", "ball_y_m", "wall_yaw_rad", "ball_vx_m_s"])
+@pytest.mark.parametrize(("field", "bad"), [("robot_x_m", math.nan), ("ball_vx_m_s", math.inf)])
 def test_world_that_is_not_finite_is_not_answered(bench, asked, field, bad):
     message = WorldState(episode=0, step=1)
     message.header.frame_id = "field"
@@ -118,25 +121,16 @@ def test_world_so_far_out_that_its_distances_overflow_is_not_answered(bench):
     assert [answer.step for answer in asked.answers] == [2]
 
 
-def test_world_outside_of_the_root_region_is_answered_as_clamped(bench):
+def test_world_outside_the_root_region_is_answered_as_clamped(bench):
     """Fault 41."""
     asked = Asked(bench, "ball_seeking", "ball_seeking")
     assert not asked.answer_to(world_at(0, 0)).clamped
     assert asked.answer_to(world_at(0, 1, ball_x_m=50.0)).clamped
 
 
-def test_world_of_another_frame_is_not_answered_and_the_expected_one_is_named(bench, asked):
-    message = WorldState(episode=0, step=1)
-    message.header.frame_id = "odom"
-    asked.publisher.publish(message)
-    bench.until_said("frame_id is 'odom', expected 'field'")
-    asked.answer_to(world_at(0, 2))
-    assert [answer.step for answer in asked.answers] == [2]
-
-
-@pytest.mark.parametrize("garbage", [b"", b"\x00\x01\x00\x00", b"\xff" * 300, b"\x00\x01\x00\x00" + b"\xff" * 300])
-def test_bytes_that_are_no_world_are_not_answered(bench, asked, garbage):
-    asked.publisher.publish(garbage)
+def test_bytes_that_are_not_a_world_are_not_answered(bench, asked):
+    for garbage in (b"", b"\x00\x01\x00\x00", b"\xff" * 300, b"\x00\x01\x00\x00" + b"\xff" * 300):
+        asked.publisher.publish(garbage)
     bench.until_said("malformed")
     asked.answer_to(world_at(0, 2))
     assert [answer.step for answer in asked.answers] == [2]
@@ -213,16 +207,26 @@ def test_parameters_are_frozen_while_it_runs(asked):
     assert asked.node.get_parameter("name").value == ""
 
 
-def test_simulator_of_other_qos_is_an_error_that_names_topic_and_policy(bench):
-    bench.add(BehaviorNode, NAME)
-    stray = bench.add(Partner)
-    stray.create_publisher(WorldState, WORLD, QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
-    bench.until_said(f"{bench.namespace}/world: a publisher's QoS is incompatible in RELIABILITY")
+def test_a_behavior_of_ones_own_answers_by_its_tree_and_marks_what_lies_outside_its_region(bench):
+    asked = Asked(bench, "", "shooting", tree_file=str(TREE), observation=SOURCE)
+    behavior = Behavior("shooting", load_tree(TREE), load_observation(SOURCE).observation)
+    worlds = [world_at(0, 1, ball_x_m=0.2, ball_y_m=0.0), world_at(0, 2, robot_yaw_rad=2.0)]
+    for world, clamped in zip(worlds, (False, True), strict=True):
+        answer = asked.answer_to(world)
+        assert (answer, answer.clamped) == (behavior.answer(world), clamped)
 
 
-def test_simulator_of_another_type_is_an_error_that_names_topic_and_types(bench, other_bench):
-    bench.add(BehaviorNode, NAME)
-    other_bench.add(Partner, "stray").create_publisher(PoseStamped, WORLD, STEP_QOS)
-    bench.until_said("publishes geometry_msgs/msg/PoseStamped, expected fbql_msgs/msg/WorldState")
-    line = next(line for line in bench.said().splitlines() if "expected fbql_msgs" in line)
-    assert "[ERROR]" in line and f"{bench.namespace}/world: " in line
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"tree_file": str(TREE)}, "unknown behavior 'shooting'.*FILE.py:shooting"),
+        ({"tree_file": str(TREE), "observation": "missing.py:shooting"}, "missing.py: cannot be read"),
+        (
+            {"tree_file": str(shipped_tree("ball_seeking")), "observation": SOURCE},
+            "is the observation of behavior 'shooting', not of 'ball_seeking'",
+        ),
+    ],
+)
+def test_an_observation_that_is_not_the_trees_is_refused(bench, parameters, reason):
+    with pytest.raises(BadInput, match=reason):
+        bench.add(BehaviorNode, **parameters)

@@ -1,6 +1,6 @@
-"""Nodes of one process, driven by hand: a bench that spins them, and partners that do what a test tells them.
+"""Nodes of one process, spun by hand, and partner nodes that a test controls.
 
-No test sleeps: `Bench.until` spins until something is so, for a bounded time, and says what it waited for.
+No test sleeps: `Bench.until` spins until a condition holds, for a bounded time, and fails with what it waited for.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-PATIENCE_S = 10.0
+PATIENCE_S = 30.0
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
 DECODE = {World: decode_world, BehaviorOutput: decode_output, WheelCommand: decode_command, Decision: decode_decision}
 STEP_NS = 16_666_667
@@ -42,7 +42,7 @@ HASHES = ("aa" * 32, "bb" * 32, "cc" * 32)
 
 
 def world_at(episode: int, step: int, stamp_ns: int | None = None, **fields: Any) -> World:
-    """A world state in which the robot stands free, looking at the ball."""
+    """A world state in which the robot stands clear of everything and faces the ball."""
     stamp_ns = (step + 1) * STEP_NS if stamp_ns is None else stamp_ns
     pose = (-0.5, 0.0, 0.0, 0.0, 0.0, 0.5, 0.1, 0.0, 0.0, -0.5, 0.9, -1.5)
     return World(stamp_ns, episode, step, *pose, *[False] * 6)._replace(**fields)
@@ -70,7 +70,7 @@ class Participant:
             for name, value in environment.items():
                 patch.setenv(name, value)
             rclpy.init(args=[], context=self.context, signal_handler_options=SignalHandlerOptions.NO)
-            # The middleware looks at the environment when the first node is made.
+            # The middleware reads the environment when the first node is made.
             self._anchor = Node("anchor", context=self.context, use_global_arguments=False, enable_rosout=False)
 
     def close(self) -> None:
@@ -87,13 +87,13 @@ class Bench:
         self.namespace = f"/bench{next(self._numbers)}"
         self.log = ""
         self._context = participant.context
-        # One for each test, so that no event of an earlier one is left in it.
+        # One per test, so that no event of an earlier test is left in it.
         self._executor = EventsExecutor(context=self._context)
         self._capfd = capfd
         self._nodes: list[Node] = []
 
     def add(self, make: Callable[..., Any], *arguments: Any, **parameters: Any) -> Any:
-        """Makes a node with these parameters and spins it from now on."""
+        """Makes a node with these parameters, and spins it from now on."""
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         node = make(
             *arguments,
@@ -113,11 +113,11 @@ class Bench:
         self._nodes.remove(node)
         self._executor.remove_node(node)
         for _ in range(20):
-            self._executor.spin_once(timeout_sec=0)  # what had come for it already
+            self._executor.spin_once(timeout_sec=0)  # events that are queued for it
         node.destroy_node()
 
     def until(self, is_so: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> None:
-        """Spins until `is_so()`. Fails when it is not within `timeout_s`."""
+        """Spins until `is_so()` is true; fails after `timeout_s`."""
         deadline = monotonic() + timeout_s
         while not is_so():
             if monotonic() > deadline:
@@ -125,16 +125,16 @@ class Bench:
             self._executor.spin_once(timeout_sec=0.02)
 
     def until_said(self, text: str, times: int = 1) -> None:
-        """Spins until the nodes have logged a text so often."""
+        """Spins until the nodes have logged a text `times` times."""
         self.until(lambda: self.said().count(text) >= times, f"the log to say '{text}'")
 
     def said(self) -> str:
-        """Everything that was logged so far."""
+        """Everything logged so far."""
         self.log += self._capfd.readouterr().err
         return self.log
 
     def call(self, node: Node, kind: type[Any], service: str, **fields: Any) -> Any:
-        """Calls a service and gives its answer."""
+        """Calls a service and returns its answer."""
         client = node.create_client(kind, service)
         self.until(client.service_is_ready, f"service {service}")
         answer = client.call_async(kind.Request(**fields))
@@ -148,7 +148,7 @@ class Bench:
 
 
 class Heard(list[Any]):
-    """The values that came on a topic, and their bytes in `data`."""
+    """The values received on a topic, and their bytes in `data`."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -156,7 +156,7 @@ class Heard(list[Any]):
 
 
 def listen(node: Node, kind: type[Any], topic: str) -> Heard:
-    """Keeps what comes on a topic, in order."""
+    """Collects the messages of a topic, in order."""
     heard = Heard()
 
     def keep(data: bytes) -> None:
@@ -176,9 +176,9 @@ class Partner(Node):
 
 
 class FakeSimulator(Node):
-    """Publishes the world states it is told to, grants episodes, keeps the commands.
+    """Publishes world states on request, grants episodes, collects commands.
 
-    A granted episode begins with a world state of step 0 at once, unless `loses_first`. `stamp_ns` is that of the last world state.
+    A granted episode begins at once with a world state of step 0, unless `loses_first`. `stamp_ns` is the last stamp.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -205,13 +205,13 @@ class FakeSimulator(Node):
         return self.show_again(world_at(episode, step, self.stamp_ns, **fields))
 
     def show_again(self, world: World) -> World:
-        """Publishes a world state as it is."""
+        """Publishes a given world state."""
         self.publisher.publish(encode_world(world))
         return world
 
 
 class FakeBehavior(Node):
-    """Answers every sound world state, unless `silent`; keeps them, and its answers when they have come back."""
+    """Answers every valid world state, unless `silent`; collects them, and its answers once they have arrived."""
 
     def __init__(self, index: int, **options: Any) -> None:
         super().__init__(BEHAVIORS[index], **options)

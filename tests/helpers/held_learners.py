@@ -1,6 +1,6 @@
-"""What tests of the learners that hold their decisions have in common, on the task of `two_sides`.
+"""Shared by the tests of the learners that hold their decisions, on the task of `two_sides`.
 
-A test with an argument `learner` that is parametrised by LEARNERS is a rule for each of them.
+A test whose argument `learner` is parametrised by LEARNERS is a rule for each of them.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def equal(one: Arrays, other: Arrays) -> bool:
 
 
 def anywhere(seed: int) -> Heard:
-    """Lets the behaviors sense something else at every step: nothing that was ever met."""
+    """Replaces the observations by random ones at every step, which no learner has met."""
     rng = np.random.default_rng(seed)
     return lambda _, answers: [
         x and x._replace(observation=tuple(rng.random(len(x.observation)).tolist())) for x in answers
@@ -61,7 +61,7 @@ def learner_of(given: FusionParameters) -> Fbql | FbqlValue:
 
 
 def live(learner: Fbql | FbqlValue, numbers: range, phase: Phase) -> None:
-    """Lives through the episodes of these numbers, as a session lets a learner do."""
+    """Plays the episodes of these numbers with a learner, as a session does."""
     task, up_always = TwoSides(), ((1.0, 0.0), UP)
     for number in numbers:
         learner.begin_episode(phase)
@@ -86,7 +86,7 @@ def live(learner: Fbql | FbqlValue, numbers: range, phase: Phase) -> None:
 def stay(
     session: Session, steps: int, leaves: Callable[[int], tuple[int, int]] = lambda _: (1, 2), **end: bool
 ) -> list[tuple[int, tuple[float, ...]]]:
-    """An episode in which everything stays as it is: who drove, and the weights, of each step."""
+    """Driver and weights of each step of an episode in which the world state stays the same."""
     begun = session.next_episode()
     assert begun is not None
     found: list[tuple[int, tuple[float, ...]]] = []
@@ -100,7 +100,7 @@ def stay(
 
 
 def trained(learner: str = "fbql", **changes: Any) -> Policy:
-    """What it has learned after 30 episodes."""
+    """The policy of a learner after 30 episodes."""
     session = Session(parameters(learner, seed=1, **changes))
     play(session, 30)
     return learned(session)

@@ -1,6 +1,6 @@
 """Section II.A.1 by the letter, as slowly as it reads: every box looks at every pattern again, nothing is shared or rounded.
 
-Only the numbers of the paper's equations come from here; nothing of the package under test is used.
+It follows the paper's equations only, and uses nothing of the package under test.
 """
 
 from __future__ import annotations

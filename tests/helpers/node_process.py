@@ -1,4 +1,4 @@
-"""An executable of ours as a real process."""
+"""One of our executables as a real process."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from time import monotonic
 import pytest
 from ament_index_python.packages import get_package_prefix
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 class NodeProcess:
-    """An executable of ours as a real process, with what it prints."""
+    """One of our executables as a real process, with its output."""
 
     def __init__(
         self, package: str, executable: str, arguments: Sequence[str], directory: Path, environment: Mapping[str, str]
@@ -36,11 +36,11 @@ class NodeProcess:
             )
 
     def printed(self) -> str:
-        """What it printed so far."""
+        """Its output so far."""
         return self._output.read_text(errors="replace")
 
     def until_printed(self, text: str) -> None:
-        """Waits until it has printed a text."""
+        """Waits until its output contains a text."""
         deadline = monotonic() + PATIENCE_S
         while text not in self.printed():
             if self.popen.poll() is not None:
@@ -55,7 +55,7 @@ class NodeProcess:
         self.popen.send_signal(number)
 
     def exit_code(self, timeout_s: float = PATIENCE_S) -> int:
-        """Waits for its end."""
+        """Waits for its end, and returns its exit code."""
         try:
             return self.popen.wait(timeout_s)
         except subprocess.TimeoutExpired:
@@ -67,7 +67,7 @@ class NodeProcess:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def cpu_share(self, duration_s: float) -> float:
-        """Processor time it uses from now on, as a share of one core."""
+        """Processor time it uses in the next `duration_s`, as a share of one core."""
         began_s, used_s = monotonic(), self.cpu_s()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.popen.wait(duration_s)

@@ -1,8 +1,8 @@
-"""A task without a simulator, for learners: two behaviors, of which each is right on one side and wrong on the other.
+"""A task for learners without a simulator: each of two behaviors is right on one side and wrong on the other.
 
 A point drifts at random between left and right, 0 to 1, and is driven up or down. "up" drives it up on the left half and
-down on the right one; "down" the other way round. At the top is the goal, at the bottom the own goal, and half way up it
-starts: who always takes the same behavior, or draws one, scores in half of the episodes. Nothing else is rewarded.
+down on the right half; "down" does the opposite. The goal is at the top, the own goal at the bottom, the start half way: a
+controller that always takes the same behavior, or a random one, scores in half of the episodes. Nothing else is rewarded.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Heard = Callable[[World, Answers], Answers]
 
 
 def parameters(learner: str = "fbql", **changes: object) -> FusionParameters:
-    """A learner for this task: it has no mirror, and is learned in few episodes.
+    """Parameters of a learner for this task, which has no mirror and is learned in few episodes.
 
     Args:
         learner: `fbql` or `fbql_value`.
@@ -44,7 +44,7 @@ def parameters(learner: str = "fbql", **changes: object) -> FusionParameters:
 
 
 def world_state(episode: int, step: int, **changes: object) -> World:
-    """A world state in which nothing happened."""
+    """A world state without events."""
     base = World(
         1 + step, episode, step, 0.0, 0.0, 0.1, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.9, 0.0,
         False, False, False, False, False, False,
@@ -55,7 +55,7 @@ def world_state(episode: int, step: int, **changes: object) -> World:
 def answer(
     name: str, reference: float, leaf_id: int, observation: Sequence[float], **changes: object
 ) -> BehaviorOutput:
-    """What a behavior of this task answers: both wheels at `reference`."""
+    """The answer of a behavior of this task: both wheels at `reference`."""
     made = BehaviorOutput(
         1, 0, 0, name, reference, reference, leaf_id, LEAF_COUNT, f"hash of {name}", False, tuple(observation)
     )
@@ -81,7 +81,7 @@ class TwoSides:
         return [answer("up", 1.0, int(4.0 * y), [x]), answer("down", -1.0, int(4.0 * x), [y, 1.0 - y])]
 
     def step(self, world: World, velocity: float) -> World:
-        """The next world state, after both wheels were commanded this velocity."""
+        """The next world state, after both wheels were driven at this velocity."""
         self._x += self._rng.normal(0.0, 0.06)
         self._x = min(max(abs(self._x), 0.0), 0.999)
         self._y += 0.04 * velocity * (1.0 if self._x < 0.5 else -1.0)
@@ -100,7 +100,7 @@ class TwoSides:
 
 
 def play(session: Session, episodes: int, heard: Heard = lambda _, answers: answers) -> list[Decision]:
-    """Plays so many episodes. `heard` may spoil what the behaviors answer to a world state."""
+    """Plays a number of episodes. `heard` may alter the behaviors' answers to a world state."""
     task, decisions = TwoSides(), list[Decision]()
     for _ in range(episodes):
         begun = session.next_episode()

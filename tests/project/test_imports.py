@@ -9,7 +9,8 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
+from functools import cache
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
@@ -125,26 +126,33 @@ def core_modules(package: str) -> dict[str, Path]:
     return {name: path for name, path in modules(package).items() if name.split(".")[1:2] == ["core"]}
 
 
-def imports(name: str, path: Path) -> Iterator[Import]:
+@cache
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    """All nodes of the syntax tree of a file."""
+    return tuple(ast.walk(ast.parse(path.read_text(), str(path))))
+
+
+@cache
+def imports(name: str, path: Path) -> list[Import]:
     """Everything that a module imports, at its top or anywhere inside; relative names made absolute."""
     package = name if path.stem == "__init__" else name.rpartition(".")[0]
-    for node in ast.walk(ast.parse(path.read_text(), str(path))):
+    result: list[Import] = []
+    for node in nodes_of(path):
         if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield Import(alias.name, node.lineno)
+            result += [Import(alias.name, node.lineno) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
             base = ".".join([*above, *([node.module] if node.module else [])])
-            # `from package import x` may import the module package.x: both names are looked at.
-            yield Import(base, node.lineno)
-            for alias in node.names:
-                yield Import(f"{base}.{alias.name}", node.lineno)
+            # `from package import x` may import the module package.x: both names count.
+            result += [Import(base, node.lineno), *(Import(f"{base}.{x.name}", node.lineno) for x in node.names)]
         elif isinstance(node, ast.Call) and getattr(node.func, "id", getattr(node.func, "attr", "")) in (
             "import_module",
             "__import__",
         ):
             name_given = node.args[0] if node.args else None
-            yield Import(str(name_given.value) if isinstance(name_given, ast.Constant) else COMPUTED, node.lineno)
+            module = str(name_given.value) if isinstance(name_given, ast.Constant) else COMPUTED
+            result.append(Import(module, node.lineno))
+    return result
 
 
 def breaches(paths: dict[str, Path], is_allowed: Callable[[str, Import], bool]) -> list[str]:
@@ -264,7 +272,7 @@ def test_nothing_unpickles() -> None:
     for path in paths.values():
         found += [
             f"{path.relative_to(ROOT)}:{node.value.lineno} allows pickle"
-            for node in ast.walk(ast.parse(path.read_text()))
+            for node in nodes_of(path)
             if isinstance(node, ast.keyword) and node.arg == "allow_pickle" and ast.unparse(node.value) != "False"
         ]
     assert not found, "\n".join(found)

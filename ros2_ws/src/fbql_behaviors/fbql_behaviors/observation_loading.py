@@ -10,20 +10,15 @@ Only code that the user named or installed is run. A tree file names a behavior,
 
 from __future__ import annotations
 
-import hashlib
-import sys
 from collections.abc import Sequence
-from importlib.metadata import entry_points
-from importlib.util import module_from_spec, spec_from_file_location
 from math import isfinite, pi
 from numbers import Real
-from pathlib import Path
-from traceback import extract_tb
-from types import FunctionType, ModuleType
+from types import FunctionType
 from typing import Any, NamedTuple, cast
 
-from fbql_common.core.errors import BadInput
+from fbql_common.core.errors import BadInput, in_one_line
 from fbql_common.core.types import World
+from fbql_common.own_code import load_installed, load_module, split_source
 
 from fbql_behaviors.core.observation import OBSERVATIONS, Observation, observation_of
 
@@ -66,11 +61,8 @@ def find_observation(behavior: str, source: str = "") -> Observation:
 
 def load_observation(source: str) -> Loaded:
     """The observation that FILE.py:NAME, or FILE.py with only one, defines. Raises BadInput with file and reason."""
-    place, colon, name = source.rpartition(":")
-    if not colon or source.endswith(".py"):
-        place, name = source, ""
-    path = Path(place).absolute()
-    module = _module(path)
+    path, name = split_source(source)
+    module = load_module(path, "an observation")
     defined = {key: value for key, value in vars(module).items() if isinstance(value, Observation)}
     if not name and len(defined) == 1:
         name = next(iter(defined))
@@ -81,48 +73,13 @@ def load_observation(source: str) -> Loaded:
 
 
 def _installed(behavior: str) -> Observation | None:
-    entries = {entry.value: entry for entry in entry_points(group=GROUP, name=behavior)}
-    if not entries:
+    installed = load_installed(GROUP, behavior, "behavior")
+    if installed is None:
         return None
-    values = sorted(entries)
-    if len(values) > 1:
-        raise BadInput(f"behavior '{behavior}' is installed twice: {', '.join(values)}; remove one of the packages")
-    where = f"entry point {GROUP}: {behavior} = {values[0]}"
-    try:
-        loaded: object = entries[values[0]].load()
-    except Exception as error:  # whatever a foreign module raises
-        raise BadInput(f"{where}: {_describe(error)}") from None
+    loaded, where = installed
     if not isinstance(loaded, Observation):
         raise BadInput(f"{where}: is a {type(loaded).__name__}, expected an Observation")
     return _check(behavior, loaded, where)
-
-
-def _module(path: Path) -> ModuleType:
-    """The file as a module, run once per process."""
-    name = f"fbql_observation_{hashlib.sha256(str(path).encode()).hexdigest()[:16]}"
-    if name in sys.modules:
-        return sys.modules[name]
-    spec = spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise BadInput(f"{path}: an observation is a Python file; write FILE.py:NAME")
-    module = module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:  # whatever the file raises
-        del sys.modules[name]
-        reason = f"cannot be read ({error.strerror})" if isinstance(error, OSError) else _describe(error, str(path))
-        raise BadInput(f"{path}: {reason}") from None
-    return module
-
-
-def _describe(error: Exception, file: str = "") -> str:
-    """An error of foreign code in one line, with the last line of `file` in its traceback, if any."""
-    if isinstance(error, SyntaxError):
-        return f"{type(error).__name__} in line {error.lineno}: {error.msg}"
-    lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == file]
-    place = f" in line {lines[-1]}" if lines else ""
-    return f"{type(error).__name__}{place}: {' '.join(str(error).split())}"
 
 
 def _check(behavior: str, observation: Observation, where: str) -> Observation:
@@ -147,7 +104,7 @@ def _try_sense(sense: Any, names: Sequence[str], where: str) -> None:
         observed: Any = sense(_SAMPLE)
     except Exception as error:  # whatever it raises
         file = sense.__code__.co_filename if isinstance(sense, FunctionType) else ""
-        raise BadInput(f"{where}: {_describe(error, file)}") from None
+        raise BadInput(f"{where}: {in_one_line(error, file)}") from None
     expected = f"expected {len(names)}: {', '.join(names)}"
     if not isinstance(observed, tuple | list):
         raise BadInput(f"{where} gives a {type(observed).__name__} instead of a tuple; {expected}")

@@ -1,6 +1,6 @@
-"""Code of the user's own: a Python file named as FILE.py:NAME, or an entry point of an installed package.
+"""Loads the user's code: a Python file named as FILE.py:NAME, or an entry point of an installed package.
 
-Only what the user named or installed is run, never what a recording, a tree or a policy names.
+Only code that the user named or installed is run, never code that a recording, a tree or a policy names.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ def split_source(source: str) -> tuple[Path, str]:
 
 
 def load_module(path: Path, what: str) -> ModuleType:
-    """The file as a module, run once in a process. Raises BadInput with the file, the line and the reason.
+    """The file as a module, run once per process. Raises BadInput with the file, the line and the reason.
 
     Args:
-        what: what is looked for in it, in words: "an observation".
+        what: the object expected in it, in words, such as "an observation".
     """
     name = f"fbql_own_{hashlib.sha256(str(path).encode()).hexdigest()[:16]}"
     if name in sys.modules:
@@ -47,22 +47,22 @@ def load_module(path: Path, what: str) -> ModuleType:
 
 
 def load_installed(group: str, name: str, what: str) -> tuple[object, str] | None:
-    """The object of an entry point, and the words for where it is; None where no package declares it.
+    """The object of an entry point, and a description of its place; None if no package declares it.
 
     Args:
-        what: what it is of, in words: "behavior".
+        what: the kind of thing it belongs to, such as "behavior".
 
     Raises:
-        BadInput: two packages declare it, or it can't be loaded.
+        BadInput: two packages declare it, or it cannot be loaded.
     """
-    found = sorted(entry_points(group=group, name=name), key=lambda entry: entry.value)
-    if not found:
+    entries = {entry.value: entry for entry in entry_points(group=group, name=name)}
+    if not entries:
         return None
-    values = sorted({entry.value for entry in found})
+    values = sorted(entries)
     if len(values) > 1:
         raise BadInput(f"{what} '{name}' is installed twice: {', '.join(values)}; remove one of the packages")
     where = f"entry point {group}: {name} = {values[0]}"
     try:
-        return found[0].load(), where
+        return entries[values[0]].load(), where
     except Exception as error:  # whatever a foreign module raises
         raise BadInput(f"{where}: {in_one_line(error)}") from None

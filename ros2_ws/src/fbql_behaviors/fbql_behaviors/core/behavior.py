@@ -41,7 +41,19 @@ class Behavior:
         if clamped:
             self._count_clamped(observation)
         leaf_id, left, right = self._answer(observation)
-        values = (*world[:3], self.name, left, right, leaf_id, self._leaf_count, self._hash, clamped, observation)
+        values = (
+            world.stamp_ns,
+            world.episode,
+            world.step,
+            self.name,
+            left,
+            right,
+            leaf_id,
+            self._leaf_count,
+            self._hash,
+            clamped,
+            observation,
+        )
         return made_of(BehaviorOutput, values)
 
     def _count_clamped(self, observation: tuple[float, ...]) -> None:

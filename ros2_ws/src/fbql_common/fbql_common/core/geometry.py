@@ -24,20 +24,28 @@ def wrap_bearing(angle_rad: float) -> float:
     return wrapped if wrapped < pi else -pi
 
 
+# The functions below run at every step, so they spell out `wrap_bearing` instead of calling it, or each other.
+
+
 def distance_and_bearing(world: World, x_m: float, y_m: float) -> tuple[float, float]:
     """Distance from the robot's centre to a point [m], and its bearing from the robot's heading, in [-pi, pi) [rad]."""
     dx, dy = x_m - world.robot_x_m, y_m - world.robot_y_m
-    return hypot(dx, dy), wrap_bearing(atan2(dy, dx) - world.robot_yaw_rad)
+    bearing = remainder(atan2(dy, dx) - world.robot_yaw_rad, tau)
+    return hypot(dx, dy), bearing if bearing < pi else -pi
 
 
 def ball_distance_and_bearing(world: World) -> tuple[float, float]:
     """Distance d [m] and bearing theta [rad] of the ball (the paper's Fig. 6)."""
-    return distance_and_bearing(world, world.ball_x_m, world.ball_y_m)
+    dx, dy = world.ball_x_m - world.robot_x_m, world.ball_y_m - world.robot_y_m
+    bearing = remainder(atan2(dy, dx) - world.robot_yaw_rad, tau)
+    return hypot(dx, dy), bearing if bearing < pi else -pi
 
 
 def wall_distance_and_bearing(world: World) -> tuple[float, float]:
     """Distance [m] and bearing [rad] of the closest point of the walls (the paper's Fig. 7)."""
-    return distance_and_bearing(world, world.wall_x_m, world.wall_y_m)
+    dx, dy = world.wall_x_m - world.robot_x_m, world.wall_y_m - world.robot_y_m
+    bearing = remainder(atan2(dy, dx) - world.robot_yaw_rad, tau)
+    return hypot(dx, dy), bearing if bearing < pi else -pi
 
 
 def approach_angle(world: World) -> float:
@@ -46,5 +54,5 @@ def approach_angle(world: World) -> float:
     0 when the robot stands behind the ball, in line with the centre of the goal that is attacked.
     """
     to_ball = atan2(world.ball_y_m - world.robot_y_m, world.ball_x_m - world.robot_x_m)
-    to_goal = atan2(-world.ball_y_m, FIELD.half_length_m - world.ball_x_m)
-    return wrap_bearing(to_goal - to_ball)
+    psi = remainder(atan2(-world.ball_y_m, FIELD.half_length_m - world.ball_x_m) - to_ball, tau)
+    return psi if psi < pi else -pi

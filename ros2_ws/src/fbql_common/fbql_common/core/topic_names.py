@@ -1,4 +1,4 @@
-"""The names of topics and services, for whoever has no ROS. Relative names: a node's namespace applies."""
+"""Names of topics and services, which need no ROS. Names are relative: a node's namespace applies."""
 
 from __future__ import annotations
 
