@@ -24,6 +24,7 @@ UNFINISHED = "fbql-unfinished"
 """Stands in an environment while it is changed: found later, the work was cut off at an unknown point."""
 METADATA = ("package.xml", "setup.py", "setup.cfg", "pyproject.toml")
 NOT_SOURCE = ("__pycache__", "build", "dist")
+DOCUMENTS = (".md", ".rst")
 IGNORED = ("COLCON_IGNORE", "AMENT_IGNORE")
 
 Package = namedtuple("Package", "name path is_compiled")
@@ -142,7 +143,7 @@ def target_for(root: Path, environ: dict[str, str]) -> Target:
 def linked_parts(directory: Path, *, every: bool = False) -> list[bytes]:
     """What a package's build depends on: the names of its files but modules, with the content of those that describe it.
 
-    With `every`, the content of all.
+    With `every`, the content of all but documents.
     """
     parts: list[bytes] = []
     for place, subdirectories, files in os.walk(directory):
@@ -158,7 +159,7 @@ def linked_parts(directory: Path, *, every: bool = False) -> list[bytes]:
                 continue
             path = Path(place, name)
             parts.append(os.fsencode(path.relative_to(directory)))
-            if every or (is_top and name in METADATA):
+            if (every and not name.endswith(DOCUMENTS)) or (is_top and name in METADATA):
                 parts.append(contents(path))
     return parts
 

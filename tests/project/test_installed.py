@@ -130,3 +130,11 @@ def test_ros2_run_finds_the_commands_in_the_built_workspace() -> None:
     assert "usage: bringup" in said.stdout
     listed = start(ROOT, "ros2", "pkg", "executables", "fbql").stdout.split()
     assert {"bringup", "replay", "train"} <= set(listed)
+
+
+def test_a_clone_that_is_told_to_write_crlf_has_the_same_bytes(tmp_path: Path) -> None:
+    clone = ["git", "clone", "-q", "-c", "core.autocrlf=true", str(ROOT), str(tmp_path / "clone")]
+    if run(clone, fresh_environment()).returncode:
+        pytest.skip("this is no clone of git's")
+    for name in ("env.sh", "ros2", "train.py"):
+        assert b"\r" not in (tmp_path / "clone" / "scripts" / name).read_bytes()
