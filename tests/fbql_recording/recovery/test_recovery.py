@@ -82,8 +82,9 @@ def test_of_a_damaged_chunk_every_message_is_accounted_for(run, number):
     assert found.steps == len({message.log_time_ns for message in after.values()})
 
 
-def test_without_its_summary_the_index_and_the_numbers_tell_the_same(run):
+def test_without_its_summary_the_index_and_the_numbers_tell_the_same_of_two_neighbours(run):
     spoil_chunk(run, 1)
+    spoil_chunk(run, 2)
     told = recovered(run).messages_lost
     spoil(mcap_of(run), mcap_of(run).stat().st_size - 20)
     (run / "metadata.yaml").unlink()
