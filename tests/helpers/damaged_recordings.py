@@ -79,6 +79,17 @@ def records_of(data: bytes) -> Iterator[Record]:
         at += HEAD_BYTES + length
 
 
+def places_of(path: Path, opcode: int) -> list[tuple[int, int]]:
+    """First byte and end of each record of a kind."""
+    return [(record.begin, record.end) for record in records_of(path.read_bytes()) if record.opcode == opcode]
+
+
+def spoil(path: Path, at: int, value: bytes | None = None) -> None:
+    """Flips a bit, or puts other bytes there."""
+    data = path.read_bytes()
+    path.write_bytes(_put(at, value or bytes([data[at] ^ 1]), data))
+
+
 def corpus(sound: Sound) -> Iterator[Case]:
     """All damaged recordings."""
     for run in sound:
