@@ -6,14 +6,13 @@ import csv
 import math
 import shutil
 import struct
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-import zstandard
+from damaged_recordings import chunk_with, mcap_of, places_of, records_of, spoil, zstd_bomb
 from fbql_common.core.cdr import Codec
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import Decision
@@ -42,8 +41,10 @@ def run(recorded: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(recorded, tmp_path / "run"))
 
 
-def mcap_of(run: Path) -> Path:
-    return next(run.glob("*.mcap"))
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The file of two episodes of six steps."""
+    return mcap_of(record_match(tmp_path_factory.mktemp("short") / "run", max_steps=6)).read_bytes()
 
 
 def rows_of(run: Path) -> list[dict[str, str]]:
@@ -54,27 +55,6 @@ def rows_of(run: Path) -> list[dict[str, str]]:
 def steps_in(run: Path) -> int:
     """How many steps were decided: the last world state of an episode counts too."""
     return sum(int(row["steps"]) + 1 for row in rows_of(run))
-
-
-def records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Opcode, first byte and end of every record."""
-    at = 8
-    while at < len(data) - 8:
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        yield opcode, at, at + 9 + length
-        at += 9 + length
-
-
-def place_of(data: bytes, opcode: int, number: int = 0) -> tuple[int, int]:
-    """First byte and end of a record of a kind."""
-    return [(begin, end) for found, begin, end in records(data) if found == opcode][number]
-
-
-def spoil(path: Path, at: int, value: bytes | None = None) -> None:
-    """Flips a bit, or puts other bytes there."""
-    data = bytearray(path.read_bytes())
-    data[at : at + len(value or b" ")] = value or bytes([data[at] ^ 1])
-    path.write_bytes(data)
 
 
 def read_all(run: Run) -> int:
@@ -293,8 +273,7 @@ def test_a_schema_that_lacks_what_is_needed_is_refused(recorded, tmp_path, line,
 
 
 def test_a_flipped_bit_names_chunk_and_time(run):
-    data = mcap_of(run).read_bytes()
-    begin, end = place_of(data, Opcode.CHUNK, 1)
+    begin, end = places_of(mcap_of(run), Opcode.CHUNK)[1]
     spoil(mcap_of(run), (begin + end) // 2)
     opened = open_run(run)
     with pytest.raises(Corrupt, match=r"run_0\.mcap: chunk 2 \(\d+\.\d+ s to \d+\.\d+ s, at byte \d+\) is damaged"):
@@ -303,7 +282,7 @@ def test_a_flipped_bit_names_chunk_and_time(run):
 
 def test_a_damaged_chunk_is_left_out_and_counted_where_the_rest_is_wanted(run):
     whole = read_all(open_run(run))
-    begin, end = place_of(mcap_of(run).read_bytes(), Opcode.CHUNK, 1)
+    begin, end = places_of(mcap_of(run), Opcode.CHUNK)[1]
     spoil(mcap_of(run), (begin + end) // 2)
     opened = open_run(run, skip_corrupt=True)
     assert 0 < read_all(opened) < whole
@@ -318,18 +297,20 @@ def test_a_damaged_chunk_is_left_out_and_counted_where_the_rest_is_wanted(run):
      Opcode.STATISTICS, Opcode.CHUNK_INDEX],
 )  # fmt: skip
 @pytest.mark.parametrize("where", [0.0, 0.2, 0.5, 1.0])
-def test_no_bit_can_flip_unnoticed(run, opcode, where):
+def test_no_bit_can_flip_unnoticed(short, tmp_path, opcode, where):
     """Anywhere in a record: its kind, its length, its content, its last byte."""
-    begin, end = place_of(mcap_of(run).read_bytes(), opcode)
-    spoil(mcap_of(run), begin + int(where * (end - begin - 1)))
+    path = tmp_path / "run.mcap"
+    path.write_bytes(short)
+    begin, end = places_of(path, opcode)[0]
+    spoil(path, begin + int(where * (end - begin - 1)))
     with pytest.raises(BadInput, match="run"):
-        read_all(open_run(run))
+        read_all(open_run(path))
 
 
 def test_a_file_that_was_cut_off_is_used_up_to_its_last_whole_chunk(run):
     path = mcap_of(run)
     data = path.read_bytes()
-    begin, end = place_of(data, Opcode.CHUNK, 1)
+    begin, end = places_of(path, Opcode.CHUNK)[1]
     path.write_bytes(data[: end - 1])
     opened = open_run(run)
     assert not opened.is_complete
@@ -347,7 +328,7 @@ def test_what_is_described_twice_and_differently_is_damage(tmp_path, opcode, wha
     """A killed recorder leaves no CRC over these: the second gets the number of the first."""
     run = record_match(tmp_path / "run", max_steps=6, episodes=1, close=False)
     path = next(run.glob("*.active"))
-    begin, _ = place_of(path.read_bytes(), opcode, 1)
+    begin, _ = places_of(path, opcode)[1]
     spoil(path, begin + 9, b"\x01\x00")
     with pytest.raises(Corrupt, match=f"{what} 1 is described twice, and differently"):
         open_run(run)
@@ -367,7 +348,7 @@ def test_every_cut_is_survived(tmp_path):
     data = mcap_of(source).read_bytes()
     whole = [(message.topic, message.data) for message in open_run(source).messages()]
     cut = tmp_path / "cut.mcap"
-    boundaries = {at for _, begin, end in records(data) for at in (begin, end)}
+    boundaries = {at for record in records_of(data) for at in (record.begin, record.end)}
     seen: set[int] = set()
     for size in sorted({*range(8, len(data), 97), *boundaries}):
         cut.write_bytes(data[:size])
@@ -401,12 +382,6 @@ def test_another_profile_is_refused(run):
         read_all(open_run(run))
 
 
-def chunk_with(compression: bytes, unpacked_bytes: int, packed: bytes) -> bytes:
-    body = struct.pack("<QQQII", 0, 0, unpacked_bytes, 0, len(compression)) + compression
-    body += struct.pack("<Q", len(packed)) + packed
-    return struct.pack("<BQ", Opcode.CHUNK, len(body)) + body
-
-
 @pytest.mark.parametrize(
     ("record", "says"),
     [
@@ -420,7 +395,7 @@ def chunk_with(compression: bytes, unpacked_bytes: int, packed: bytes) -> bytes:
 def test_a_chunk_that_is_no_such_is_a_clear_line(run, record, says):
     path = mcap_of(run)
     data = path.read_bytes()
-    begin, _ = place_of(data, Opcode.CHUNK)
+    begin, _ = places_of(path, Opcode.CHUNK)[0]
     path.write_bytes(data[:begin] + record)
     with pytest.raises(BadInput, match=says):
         open_run(path)
@@ -428,7 +403,7 @@ def test_a_chunk_that_is_no_such_is_a_clear_line(run, record, says):
 
 def test_a_record_that_is_too_large_is_refused_before_it_is_read(run):
     path = mcap_of(run)
-    _, end = place_of(path.read_bytes(), Opcode.HEADER)
+    _, end = places_of(path, Opcode.HEADER)[0]
     with path.open("r+b") as file:
         file.seek(end)
         file.write(struct.pack("<BQ", Opcode.ATTACHMENT, MAX_RECORD_BYTES + 1))
@@ -439,11 +414,9 @@ def test_a_record_that_is_too_large_is_refused_before_it_is_read(run):
 
 def test_a_small_chunk_that_unpacks_to_much_is_never_unpacked_whole(run):
     """A zstd bomb that lies about its size: a frame without a size, 100 MiB of zeros."""
-    compressor = zstandard.ZstdCompressor().compressobj()
-    packed = b"".join(compressor.compress(bytes(2**20)) for _ in range(100)) + compressor.flush()
     path = mcap_of(run)
     data = path.read_bytes()
-    path.write_bytes(data[: place_of(data, Opcode.CHUNK)[0]] + chunk_with(b"zstd", 1000, packed))
+    path.write_bytes(data[: places_of(path, Opcode.CHUNK)[0][0]] + chunk_with(b"zstd", 1000, zstd_bomb(100 << 20)))
     with pytest.raises(Corrupt, match="unpacks to 1001 bytes instead of 1000"):
         open_run(path)
 

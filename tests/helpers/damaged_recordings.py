@@ -79,6 +79,17 @@ def records_of(data: bytes) -> Iterator[Record]:
         at += HEAD_BYTES + length
 
 
+def places_of(path: Path, opcode: int) -> list[tuple[int, int]]:
+    """First byte and end of each record of a kind."""
+    return [(record.begin, record.end) for record in records_of(path.read_bytes()) if record.opcode == opcode]
+
+
+def spoil(path: Path, at: int, value: bytes | None = None) -> None:
+    """Flips a bit, or puts other bytes there."""
+    data = path.read_bytes()
+    path.write_bytes(_put(at, value or bytes([data[at] ^ 1]), data))
+
+
 def corpus(sound: Sound) -> Iterator[Case]:
     """All damaged recordings."""
     for run in sound:
@@ -126,38 +137,39 @@ def _remove(begin: int, end: int, data: bytes) -> bytes:
     return data[:begin] + data[end:]
 
 
+def _by_kind(data: bytes) -> dict[int, list[Record]]:
+    found: dict[int, list[Record]] = {}
+    for record in records_of(data):
+        found.setdefault(record.opcode, []).append(record)
+    return found
+
+
 def _cut_off(run: Path, data: bytes) -> Iterator[Case]:
-    """At every record's boundary, in the middle of every kind of record, and in both magics."""
+    """Behind and in the middle of every kind of record, and in both magics."""
     for size in (3, len(MCAP0_MAGIC), len(data) - 3):
         yield _case(run, f"cut to {size} bytes", partial(_cut, size))
-    seen: set[int] = set()
-    for record in records_of(data):
-        yield _case(run, f"cut after the {record.name} at {record.begin}", partial(_cut, record.end))
-        if record.opcode not in seen:
-            seen.add(record.opcode)
-            for size in (record.begin + 4, (record.begin + record.end) // 2, record.end - 1):
-                yield _case(run, f"cut at {size} in a {record.name}", partial(_cut, size))
+    for records in _by_kind(data).values():
+        for record in sorted({records[0], records[-1]}):
+            yield _case(run, f"cut after the {record.name} at {record.begin}", partial(_cut, record.end))
+        record = records[-1]
+        for size in (record.begin + 4, (record.begin + record.end) // 2):
+            yield _case(run, f"cut at {size} in a {record.name}", partial(_cut, size))
 
 
 def _flipped(run: Path, data: bytes) -> Iterator[Case]:
-    """A bit of each part of the first and, in a finished file, the last record of every kind, and of both magics."""
+    """A bit of each part of the first record of every kind and, in a finished file, of the last, and of both magics."""
     for at in (0, 5, len(data) - 1):
         yield _case(run, f"bit of byte {at} flipped", partial(_flip, at, 3))
-    by_kind: dict[int, list[Record]] = {}
-    for record in records_of(data):
-        by_kind.setdefault(record.opcode, []).append(record)
+    by_kind = _by_kind(data)
     for found in by_kind.values():
         for record in sorted({found[0], found[0 if run.name == "killed" else -1]}):
             size = record.end - record.begin - HEAD_BYTES
-            inside = {HEAD_BYTES, HEAD_BYTES + 2, HEAD_BYTES + size // 3, HEAD_BYTES + size * 2 // 3}
-            # kind; length, a little and much too long; fields; last byte
-            for offset, bit in [(0, 1), (0, 7), (1, 2), (5, 4), *((at, at % 8) for at in sorted(inside))]:
-                if offset < HEAD_BYTES + size:
-                    name = f"bit {bit} of byte {offset} of the {record.name} at {record.begin} flipped"
-                    yield _case(run, name, partial(_flip, record.begin + offset, bit))
-            yield _case(
-                run, f"last byte of the {record.name} at {record.begin} flipped", partial(_flip, record.end - 1, 0)
-            )
+            # kind; length, a little and much too long; first field, middle, last byte
+            places = [(0, 1), (0, 7), (1, 2), (5, 4)]
+            places += [(at, at % 8) for at in sorted({HEAD_BYTES, HEAD_BYTES + size // 2, HEAD_BYTES + size - 1})]
+            for offset, bit in places[:: 1 if record == found[0] else 2]:
+                name = f"bit {bit} of byte {offset} of the {record.name} at {record.begin} flipped"
+                yield _case(run, name, partial(_flip, record.begin + offset, bit))
     chunk = by_kind[Opcode.CHUNK][0]
     for offset, field in ((8, "start"), (24, "size"), (28, "crc"), (32, "length of the name"), (36, "name")):
         name = f"{field} of the first chunk flipped"
@@ -166,11 +178,11 @@ def _flipped(run: Path, data: bytes) -> Iterator[Case]:
 
 def _wiped(run: Path, data: bytes) -> Iterator[Case]:
     """More than a bit: sectors of zeros, bytes that are gone, bytes that came in."""
-    for part in range(1, 6):
+    for part in (1, 3, 4, 5):
         at = len(data) * part // 6 // 512 * 512
         yield _case(run, f"sector at {at} is zero", partial(_put, at, bytes(512)))
         yield _case(run, f"sector at {at} is gone", partial(_remove, at, at + 512))
-    for record in list(records_of(data))[8:24:3]:
+    for record in list(records_of(data))[8:24:5]:
         yield _case(run, f"bytes came in at {record.begin}", partial(_insert, record.begin, b"\x06\xff" * 100))
         yield _case(run, f"the {record.name} at {record.begin} is gone", partial(_remove, record.begin, record.end))
 

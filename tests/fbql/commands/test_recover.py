@@ -16,6 +16,7 @@ from time import monotonic
 
 import pytest
 from bringup_run import ROOT, Run
+from commands import recover
 from fbql_recording import open_run
 from javascript_reader import IS_THERE, read_with_javascript
 from recorded_match import record_match
@@ -77,9 +78,9 @@ def check_killed(start: Start, seed: int) -> None:
     run = start("--controller", "fbql_literal", "--guided", "2", "--episodes", "100000", "--seed", str(seed))
     active, killed_s, heard = kill_fusion_after(run, delay_s)
     size = active.stat().st_size
-    recover = start(str(run.out), "--json", script="recover.py", out=False)
-    assert recover.exit_code() == 3, recover.stderr
-    found = json.loads(recover.stdout)
+    command = start(str(run.out), "--json", script="recover.py", out=False)
+    assert command.exit_code() == 3, command.stderr
+    found = json.loads(command.stdout)
     recovered = Path(found["path"])
     assert active.stat().st_size == size
     # All that was written is there, but for the chunk that the kill came in the middle of.
@@ -108,16 +109,15 @@ def check_killed(start: Start, seed: int) -> None:
     assert read["streamed"] == read["indexed"] == found["messages"]
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_what_a_kill_leaves_is_recovered_to_within_the_flush_period(start: Start, seed: int) -> None:
+def test_what_a_kill_leaves_is_recovered_to_within_the_flush_period(start: Start) -> None:
     """Fault 46."""
-    check_killed(start, seed)
+    check_killed(start, 0)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", range(3, 20))
+@pytest.mark.parametrize("seed", range(1, 20))
 def test_what_any_kill_leaves_is_recovered_to_within_the_flush_period(start: Start, seed: int) -> None:
-    """Fault 46, seventeen times more."""
+    """Fault 46, nineteen times more."""
     check_killed(start, seed)
 
 
@@ -126,49 +126,45 @@ def killed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     yield record_match(tmp_path_factory.mktemp("killed") / "run", close=False)
 
 
-def test_the_result_is_told_in_words_with_exit_code_3(killed, start, tmp_path):
-    recover = start(str(killed), "--out", str(tmp_path / "new"), script="recover.py", out=False)
-    assert recover.exit_code() == 3, recover.stderr
-    assert recover.stdout.splitlines() == [
+def test_the_result_is_told_in_words_with_exit_code_3(killed, tmp_path, capsys):
+    assert recover([str(killed), "--out", str(tmp_path / "new")]) == 3
+    assert capsys.readouterr().out.splitlines() == [
         "recovered 732 messages, 122 steps",
         f"damaged, but nothing is lost by it: {killed}: no metadata.yaml: the recording was not finished",
         "lost: run_0.mcap.active: the file has no end; what came after the last flush is not in it",
         f"recording  {tmp_path / 'new'}",
     ]
-    again = start(str(killed), "--allow-incomplete", "--out", str(tmp_path / "other"), script="recover.py", out=False)
-    assert again.exit_code() == 0
+    assert recover([str(killed), "--allow-incomplete", "--out", str(tmp_path / "other")]) == 0
 
 
-def test_what_is_whole_is_copied_with_exit_code_0(start, tmp_path):
+def test_what_is_whole_is_copied_with_exit_code_0(tmp_path, capsys):
     whole = record_match(tmp_path / "whole")
-    recover = start(str(whole), "--json", script="recover.py", out=False)
-    assert recover.exit_code() == 0, recover.stderr
-    found = json.loads(recover.stdout)
+    assert recover([str(whole), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
     assert (found["messages"], found["steps"], found["chunks_lost"]) == (732, 122, 0)
     assert found["path"] == str(tmp_path / "whole_recovered")
-    verify = start(found["path"], "--verify", "--json", script="replay.py", out=False)
-    assert verify.exit_code() == 0, verify.stderr
-    assert json.loads(verify.stdout)["identical"] is True
+    verified = verification_of(Path(found["path"]))
+    assert (verified.difference, verified.steps) == (None, 122)
 
 
 @pytest.mark.parametrize("content", [None, b"", b"no recording\n"])
-def test_what_is_no_recording_is_one_line_and_exit_code_2(start, tmp_path, content):
+def test_what_is_no_recording_is_one_line_and_exit_code_2(tmp_path, capsys, content):
     """Fault 49."""
     path = tmp_path / "x.mcap"
     if content is not None:
         path.write_bytes(content)
-    recover = start(str(path), script="recover.py", out=False)
-    assert recover.exit_code() == 2
-    assert recover.stderr.startswith(f"recover.py: {path}: ")
-    assert recover.stderr.count("\n") == 1
+    assert recover([str(path)]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"recover.py: {path}: ")
+    assert said.count("\n") == 1
     assert not list(tmp_path.glob("*recovered*"))
 
 
 def test_a_disk_that_is_full_is_one_line_and_leaves_nothing(killed, start, tmp_path):
     """Here it is full for this process, at 10 kB."""
     limit = ["prlimit", "--fsize=10240"]
-    recover = start(str(killed), "--out", str(tmp_path / "new"), script="recover.py", before=limit, out=False)
-    assert recover.exit_code() == 1
-    assert recover.stderr.endswith("nothing was written\n")
-    assert recover.stderr.count("\n") == 1
+    command = start(str(killed), "--out", str(tmp_path / "new"), script="recover.py", before=limit, out=False)
+    assert command.exit_code() == 1
+    assert command.stderr.endswith("nothing was written\n")
+    assert command.stderr.count("\n") == 1
     assert not (tmp_path / "new").exists()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from damaged_recordings import attachment, mcap_of, records_of
+from damaged_recordings import attachment, mcap_of, places_of, spoil
 from fbql_recording import Recovery, open_run, recover
 from javascript_reader import read_with_javascript
 from mcap.opcode import Opcode
@@ -37,16 +37,6 @@ def run(recorded: Path, tmp_path: Path) -> Path:
 def killed(tmp_path: Path) -> Path:
     """What SIGKILL leaves."""
     return record_match(tmp_path / "run", close=False, **LEARNING)
-
-
-def places_of(path: Path, opcode: int) -> list[tuple[int, int]]:
-    return [(record.begin, record.end) for record in records_of(path.read_bytes()) if record.opcode == opcode]
-
-
-def spoil(path: Path, at: int) -> None:
-    data = bytearray(path.read_bytes())
-    data[at] ^= 1
-    path.write_bytes(data)
 
 
 def spoil_chunk(run: Path, number: int) -> None:
@@ -82,8 +72,9 @@ def test_of_a_damaged_chunk_every_message_is_accounted_for(run, number):
     assert found.steps == len({message.log_time_ns for message in after.values()})
 
 
-def test_without_its_summary_the_index_and_the_numbers_tell_the_same(run):
+def test_without_its_summary_the_index_and_the_numbers_tell_the_same_of_two_neighbours(run):
     spoil_chunk(run, 1)
+    spoil_chunk(run, 2)
     told = recovered(run).messages_lost
     spoil(mcap_of(run), mcap_of(run).stat().st_size - 20)
     (run / "metadata.yaml").unlink()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fbql_behaviors.core.patterns import Demonstration
 from fbql_behaviors.demonstration_storage import Recording
 from fbql_common.core.types import World
-from fbql_common.wire import encode_world
+from fbql_recording.message_definitions import step_messages
 from fbql_sim.core.world_loop import WorldLoop
 
 from fbql.demonstrations.origins import origins_of
@@ -60,7 +60,8 @@ def _starts(recording: Recording) -> Mapping[int, tuple[WorldLoop, int]]:
 
 
 def _drive_again(demonstration: Demonstration, loop: WorldLoop, seed: int) -> tuple[int, str | None]:
-    """How many steps are identical, and the first difference in words."""
+    """How many steps are the same, and the first difference in words."""
+    encode_world = step_messages()[World].codec.encode
     world = loop.reset(0, seed)
     for count, (recorded, command) in enumerate(zip(demonstration.worlds, demonstration.commands, strict=True)):
         # Episode number and time differ when the same moment is driven again.

@@ -8,7 +8,7 @@ from time import monotonic
 
 from fbql_behaviors.core.observation import observation_of
 from fbql_behaviors.demonstration_storage import Recording
-from fbql_common.wire import NS
+from fbql_recording.core.decoding import NS
 
 from fbql.cli.interrupts import Interrupts
 from fbql.keyboard.page import PICTURE_S, page, replay_side

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from struct import Struct
@@ -25,7 +25,6 @@ from mcap.records import (
     Channel,
     ChunkIndex,
     Header,
-    McapRecord,
     Metadata,
     MetadataIndex,
     Schema,
@@ -38,8 +37,8 @@ MAX_RECORD_BYTES = 64 * 2**20
 """Largest record, and largest uncompressed chunk, that is read."""
 HEAD = Struct("<BQ")
 """opcode, length"""
-MESSAGE = Struct("<HIQQ")
-"""channel id, sequence, log time, publish time"""
+MESSAGE_BYTES = 22
+"""What stands before the data in a message's body."""
 CODECS = ("", "zstd", "lz4")
 """How chunks may be compressed."""
 PROFILES = ("ros2", "")
@@ -47,6 +46,8 @@ PROFILES = ("ros2", "")
 FIRST_PRIVATE = 0x80
 """Opcodes from here on are not the specification's; a reader skips such records."""
 
+_MESSAGE_RECORD = Struct("<BQHIQQ")
+"""opcode, length, channel id, sequence, log time, publish time"""
 _CHUNK = Struct("<QQQII")
 """start, end, uncompressed size, CRC of the uncompressed records, length of the compression's name"""
 _FOOTER = Struct("<BQQQI")
@@ -139,13 +140,13 @@ def read_summary(file: BinaryIO, size: int) -> Summary | None:
     if crc and zlib.crc32(data + footer[:-4]) != crc:
         raise Damaged("the CRC of its summary does not match")
     summary = Summary(start, crc != 0)
-    for opcode, begin, end in records_in(data):
-        if opcode in _RECORDS:
-            _add(summary, parse(opcode, data[begin:end]))
+    for _ in messages_in(data, lambda opcode, body: _add(summary, opcode, body)):
+        pass
     return summary
 
 
-def _add(summary: Summary, record: McapRecord) -> None:
+def _add(summary: Summary, opcode: int, body: bytes) -> None:
+    record = parse(opcode, body) if opcode in _RECORDS else None
     if isinstance(record, Schema):
         summary.schemas.append(record)
     elif isinstance(record, Channel):
@@ -251,23 +252,42 @@ def unpack(chunk: Chunk) -> bytes:
     return data
 
 
-def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """The records of a chunk or summary: opcode, and the first byte and the end of the body.
+def messages_in(
+    data: bytes, take_other: Callable[[int, bytes], None] = lambda _opcode, _body: None
+) -> Iterator[tuple[int, int, int, int, int, int]]:
+    """The messages among records that follow each other: those of a chunk, or one outside of chunks.
+
+    Yields channel id, sequence, log time [ns], publish time [ns], and the first byte and the end of the message's data;
+    one generator and one unpacking for each of them, since this is what reading a recording costs.
+
+    Args:
+        data: the records.
+        take_other: called with the opcode and body of each other record, in its place.
 
     Raises:
         Damaged: these are not records.
     """
-    at, end, head, size, message = 0, len(data), HEAD.unpack_from, HEAD.size, int(Opcode.MESSAGE)
+    at, end, unpack, size, message = (
+        0,
+        len(data),
+        _MESSAGE_RECORD.unpack_from,
+        _MESSAGE_RECORD.size,
+        int(Opcode.MESSAGE),
+    )
     while at < end:
-        try:
-            opcode, length = head(data, at)
-        except struct.error:
-            raise Damaged("its records are cut off") from None
-        begin = at + size
-        at = begin + length
-        if at > end or (opcode == message and length < MESSAGE.size):
+        if end - at >= size:
+            opcode, length, channel, sequence, log_time_ns, publish_time_ns = unpack(data, at)
+        elif end - at >= HEAD.size:
+            (opcode, length), channel, sequence, log_time_ns, publish_time_ns = HEAD.unpack_from(data, at), 0, 0, 0, 0
+        else:
             raise Damaged("its records are cut off")
-        yield opcode, begin, at
+        begin, at = at, at + HEAD.size + length
+        if at > end or (opcode == message and at - begin < size):
+            raise Damaged("its records are cut off")
+        if opcode == message:
+            yield channel, sequence, log_time_ns, publish_time_ns, begin + size, at
+        else:
+            take_other(opcode, data[begin + HEAD.size : at])
 
 
 def data_crc(file: BinaryIO, end: int) -> int:

@@ -24,19 +24,16 @@ from fbql_recording.mcap.format import (
     FOOTER_BYTES,
     HEAD,
     MAX_RECORD_BYTES,
-    MESSAGE,
     PROFILES,
     Damaged,
     fits,
     is_misnamed,
+    messages_in,
     parse,
     parse_chunk,
     read_summary,
-    records_in,
     unpack,
 )
-
-_MESSAGE = int(Opcode.MESSAGE)
 
 
 class Corrupt(BadInput):
@@ -357,15 +354,14 @@ class McapFile:
     def _messages(self, data: bytes, at: int, window: Window, has_crc: bool = False) -> Iterator[Message]:
         """The messages among the records of a chunk."""
         topics, start_ns, end_ns = window.topics, window.start_ns, window.end_ns
-        unpack_message, size = MESSAGE.unpack_from, MESSAGE.size
         known: dict[int, tuple[str, str, bool]] = {}
+
+        def describe(opcode: int, body: bytes) -> None:
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._add(parse(opcode, body), at, has_crc)
+
         try:
-            for opcode, begin, end in records_in(data):
-                if opcode != _MESSAGE:
-                    if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                        self._add(parse(opcode, data[begin:end]), at, has_crc)
-                    continue
-                channel_id, sequence, log_ns, publish_ns = unpack_message(data, begin)
+            for channel_id, sequence, log_ns, publish_ns, begin, end in messages_in(data, describe):
                 if channel_id not in known:
                     described = self.topics.get(channel_id)
                     if described is None:
@@ -375,7 +371,7 @@ class McapFile:
                     known[channel_id] = described.name, described.type_name, wanted
                 topic, type_name, wanted = known[channel_id]
                 if wanted and (start_ns is None or log_ns >= start_ns) and (end_ns is None or log_ns < end_ns):
-                    yield Message(topic, type_name, log_ns, publish_ns, sequence, data[begin + size : end])
+                    yield Message(topic, type_name, log_ns, publish_ns, sequence, data[begin:end])
         except Damaged:
             self._complain(at, "the records of a chunk are damaged")
 

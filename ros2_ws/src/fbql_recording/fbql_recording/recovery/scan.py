@@ -34,7 +34,7 @@ from fbql_recording.mcap.format import (
     FIRST_PRIVATE,
     HEAD,
     MAX_RECORD_BYTES,
-    MESSAGE,
+    MESSAGE_BYTES,
     PROFILES,
     Damaged,
     Summary,
@@ -42,10 +42,10 @@ from fbql_recording.mcap.format import (
     fits,
     is_misnamed,
     length_by_fields,
+    messages_in,
     parse,
     parse_chunk,
     read_summary,
-    records_in,
     unpack,
 )
 from fbql_recording.mcap.reader import Topic, topic_of
@@ -300,20 +300,20 @@ class Scan:
             raise Damaged(f"it is compressed by {chunk.codec!r}")
         if chunk.size > MAX_RECORD_BYTES:
             raise Damaged(f"it unpacks to more than {MAX_RECORD_BYTES >> 20} MiB")
-        data = unpack(chunk)
+        copies: list[Schema | Channel] = []
+
+        def describe(opcode: int, body: bytes) -> None:
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                copies.append(parse(opcode, body))
+
         counts: Counter[int] = Counter()
         first: dict[int, int] = {}
         last: dict[int, int] = {}
-        copies: list[Schema | Channel] = []
-        message = MESSAGE.unpack_from
-        for opcode, begin, stop in records_in(data):
-            if opcode == Opcode.MESSAGE:
-                channel, sequence, _, _ = message(data, begin)
-                counts[channel] += 1
-                first.setdefault(channel, sequence)
-                last[channel] = sequence
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                copies.append(parse(opcode, data[begin:stop]))
+        for channel, sequence, _, _, _, _ in messages_in(unpack(chunk), describe):
+            counts[channel] += 1
+            last[channel] = sequence
+            if channel not in first:
+                first[channel] = sequence
         (self._checked if chunk.crc else self._copies).extend(copies)
         self._check_numbers(first, last, at)
         self._indexes_due = dict(counts)
@@ -322,9 +322,9 @@ class Scan:
 
     def _read_message(self, body: bytes, at: int, end: int) -> None:
         """Reads a message outside of chunks, which has no CRC of its own."""
-        if len(body) < MESSAGE.size:
+        if len(body) < MESSAGE_BYTES:
             raise Damaged("it is not a message")
-        channel, sequence, _, _ = MESSAGE.unpack_from(body)
+        channel, sequence = struct.unpack_from("<HI", body)
         self._check_numbers({channel: sequence}, {channel: sequence}, at)
         self.counts[channel] += 1
         before = self._found[-1] if self._found else None
@@ -364,7 +364,7 @@ class Scan:
         if length > MAX_RECORD_BYTES or at + HEAD.size + length > self._limit:
             return False
         if opcode == Opcode.MESSAGE:
-            return length >= MESSAGE.size
+            return length >= MESSAGE_BYTES
         begin = offset + HEAD.size
         return fits(opcode, length, data[begin : begin + min(length, _AHEAD)])
 
@@ -589,12 +589,9 @@ class Scan:
                 yield parse(opcode, body)
                 continue
             data = unpack(parse_chunk(body)) if opcode == Opcode.CHUNK else head + body
-            topics, message, size = self.topics, MESSAGE.unpack_from, MESSAGE.size
-            for kind, begin, end in records_in(data):
-                if kind == Opcode.MESSAGE:
-                    channel, sequence, log_time_ns, publish_time_ns = message(data, begin)
-                    if channel in topics:
-                        yield SoundMessage(channel, sequence, log_time_ns, publish_time_ns, data[begin + size : end])
+            for channel, sequence, log_time_ns, publish_time_ns, begin, end in messages_in(data):
+                if channel in self.topics:
+                    yield SoundMessage(channel, sequence, log_time_ns, publish_time_ns, data[begin:end])
 
 
 def _messages_in(chunk: ChunkIndex) -> Counter[int]:
