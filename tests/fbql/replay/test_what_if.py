@@ -164,7 +164,7 @@ def test_a_parameter_of_another_controller_plays_no_part_and_that_is_said(layere
             f"{change.split('=')[0]} plays no part: it belongs to {owner}, and the controller is subsumption"
         ]
     assert main([str(layered), "--set", "weight_gain=0.05"]) == 0
-    assert capsys.readouterr().out.endswith(f"{found['notes'][-1]}\n")
+    assert capsys.readouterr().out.endswith(f"{sorted(found['notes'])[-1]}\n")
     assert what_if(layered, capsys, "--preset", "paper")["notes"] == []
     # Subsumption guides the run that learned.
     assert what_if(learned, capsys, "--preset", "paper")["notes"] == []
@@ -210,7 +210,7 @@ def test_a_run_that_was_killed_is_computed_as_far_as_it_goes(tmp_path, capsys):
         (["--set", "weight_gian=1"], "write NAME=VALUE with a parameter of fusion"),
         (["--set", "episodes=1"], "the world states stay as they were recorded"),
         (["--set", "ball_mass_kg=1"], "the world states stay as they were recorded"),
-        (["--set", "weight_gain=x"], "'x' is no number"),
+        (["--set", "weight_gain=x"], "'x' is not a number"),
         (["--set", "discount=2"], "parameter 'discount' is 2.0, outside of [0, 1]"),
         (["--trees", "/nowhere"], "none of ball_seeking.json, wall_avoiding.json, approaching.json is there"),
         (["--policy", "/nowhere/policy.npz"], "/nowhere/policy.npz"),
