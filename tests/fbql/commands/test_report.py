@@ -262,7 +262,7 @@ def test_an_mcap_file_alone_has_its_page_beside_it(learned, tmp_path):
 def test_an_incomplete_recording_is_told_and_exits_with_3(tmp_path, capsys):
     unfinished = record_match(tmp_path / "run", max_steps=300, close=False)
     page = Page.of(unfinished, tmp_path / "page.html", code=3)
-    assert "This recording is not whole" in page.texts["h2"][0]
+    assert "This recording is incomplete" in page.texts["h2"][0]
     assert "cut off at byte" in capsys.readouterr().err
     assert main([str(unfinished), "--out", str(tmp_path / "again.html"), "--allow-incomplete"]) == 0
 
@@ -303,4 +303,4 @@ def test_what_is_not_there_is_one_line_and_exit_code_2(name, tmp_path, capsys):
 
 def test_a_place_that_can_not_be_written_is_exit_code_2(learned, tmp_path, capsys):
     assert main([str(learned), "--out", str(tmp_path / "nowhere" / "page.html")]) == 2
-    assert "can't be written" in capsys.readouterr().err
+    assert "cannot be written" in capsys.readouterr().err

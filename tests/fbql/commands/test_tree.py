@@ -64,7 +64,7 @@ def test_explain_at_a_place_takes_a_value_below_0_first_and_says_that_it_is_clam
     assert run("explain", BALL, "--at", "-5,3") == 0
     out, err = capsys.readouterr()
     assert out == said_inside
-    assert err == "--at -5,3: ball_distance lies outside of what the tree senses and is clamped\n"
+    assert err == "tree.py: --at -5,3: ball_distance lies outside the tree's range and is clamped\n"
 
 
 def test_explain_as_json_has_the_rules_and_the_numbers(capsys: pytest.CaptureFixture[str]) -> None:
@@ -132,7 +132,7 @@ def arrays(tmp_path: Path, **changes: Any) -> Path:
         (("export", damaged, "--to", "c"), "damaged.json: not JSON, or truncated"),
         (("export", BALL, "--to", "pascal"), "invalid choice: 'pascal'"),
         (("explain", BALL, "--at", "0.5"), "--at 0.5: 1 values; this tree senses ball_distance,ball_bearing"),
-        (("explain", BALL, "--at", "0.5,x"), "--at 0.5,x: 'x' is no number"),
+        (("explain", BALL, "--at", "0.5,x"), "--at 0.5,x: 'x' is not a number"),
         (("explain", BALL, "--at", "0.5,nan"), "ball_bearing is nan; it must be finite"),
         (("import", "missing", "--behavior", "ball_seeking", "--out", "x"), "missing: cannot be read"),
         (("import", damaged, "--behavior", "ball_seeking", "--out", "x"), "damaged.json: not JSON, or truncated"),

@@ -82,7 +82,7 @@ def test_an_origin_comes_back_as_it_was(recording: Path) -> None:
     ],
 )
 def test_an_origin_that_makes_no_sense_is_refused(told: str) -> None:
-    with pytest.raises(BadInput, match=r"^here: what it says about its origin cannot be read"):
+    with pytest.raises(BadInput, match=r"^here: the origin that it names cannot be read"):
         origins_of({ORIGINS_KEY: told}, "here")
 
 
@@ -125,7 +125,7 @@ def test_what_does_not_say_how_it_began_is_not_called_the_same(
     assert demonstrate(["--replay", str(tmp_path / "mute"), "--json"]) == 1
     streams = capsys.readouterr()
     assert json.loads(streams.out)["identical"] is False
-    assert "4 of 4 demonstrations do not say how they began" in streams.err
+    assert "4 of 4 demonstrations can't be driven again" in streams.err
 
 
 def test_replay_says_that_all_is_the_same(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -139,7 +139,7 @@ def test_replay_says_that_all_is_the_same(recording: Path, capsys: pytest.Captur
         "steps": COUNT * STEPS,
         "first_difference": None,
     }
-    assert "all 100 steps are the same, bit for bit" in streams.err
+    assert "all 100 steps are identical, bit for bit" in streams.err
 
 
 def test_in_one_sequence_episodes_count_from_zero_and_time_never_goes_back(
@@ -197,7 +197,7 @@ def test_recordings_of_two_behaviors_are_not_merged(
         ([BEHAVIOR, "--keyboard"], "a terminal is needed"),
         ([BEHAVIOR, "--keyboard", "--steps", "5"], "--steps does not go with --keyboard"),
         ([BEHAVIOR, "--keyboard", "--realtime", "nan"], "--realtime is nan"),
-        (["--replay", "x", "--merge", "y"], "two things"),
+        (["--replay", "x", "--merge", "y"], "exclude each other"),
         (["--replay", "nowhere"], "nowhere: no such file"),
         (["--merge", "nowhere", "nothing"], "nowhere: no such file"),
         (["dance", "--keyboard"], "unknown behavior 'dance'"),

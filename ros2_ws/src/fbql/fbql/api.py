@@ -18,7 +18,9 @@ from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from fbql_fusion.controller_loading import know_controller
 from fbql_fusion.core.policy import Policy
+from fbql_fusion.core.registry import fusion_parameters, learns
 from fbql_fusion.core.session import Session
 from fbql_fusion.policy_storage import save_policy
 from fbql_recording.core.columns import BLOCK_STEPS, Columns, Recorded, block_of
@@ -99,8 +101,8 @@ def play(
     """Plays a match in this process, as the command `fbql train` does: the same arguments give the same digest.
 
     Args:
-        controller: fbql (the default), fbql_value, fbql_literal, subsumption, uniform, or one that was registered. With
-            `preset` alone it is subsumption.
+        controller: fbql (the default), fbql_value, fbql_literal, subsumption, uniform, one that was registered or is
+            installed, or FILE.py:NAME. With `preset` alone it is subsumption.
         episodes: end after this many episodes, not counting guided ones.
         goals: end after this many goals; without `episodes` 10.
         guided: guided episodes that come first: 20 for a controller that learns and starts untrained, else 0.
@@ -167,10 +169,10 @@ def train(controller: str = "fbql", **arguments: Any) -> PlayResult:
     """
     if not arguments.setdefault("learn", True):
         raise BadInput("train with learn=False does not learn; use play")
-    result = play(controller, **arguments)
-    if result.policy is None:
+    name = know_controller(controller).name
+    if not learns(fusion_parameters()(controller=name)):
         raise BadInput(f"controller '{controller}' does not learn; use play")
-    return result
+    return play(controller, **arguments)
 
 
 @dataclass(frozen=True)

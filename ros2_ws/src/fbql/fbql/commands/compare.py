@@ -111,7 +111,7 @@ def _short_row(group: Group) -> dict[str, Any]:
 
 
 def _pair_words(pair: Pair) -> str:
-    ratio = "n/a" if pair.cost_ratio is None else f"{pair.cost_ratio:.3g} times"
+    ratio = "n/a" if pair.cost_ratio is None else f"{pair.cost_ratio:.3g}"
     p = "n/a" if pair.p is None else f"{pair.p:.3g}"
     seeds = counted(pair.seeds, "shared seed")
-    return f"{pair.letter} against {pair.against}: {ratio} as many steps per goal, over {seeds}; p = {p}"
+    return f"{pair.letter} against {pair.against}: ratio of steps per goal {ratio}, over {seeds}; p = {p}"
