@@ -8,4 +8,4 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, 
 from environment import enter
 
 if __name__ == "__main__":
-    enter("test", purpose="test", module="environment.suite")
+    enter("test", purpose="test")

@@ -102,7 +102,7 @@ def carts(patterns: Patterns, leaves: int) -> tuple[Callable[[], object], Callab
     try:
         from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
     except ModuleNotFoundError:
-        raise BadInput("CART is scikit-learn's: pip install -r requirements-study.txt") from None
+        raise BadInput("CART is scikit-learn's: pip install -r requirements/study.txt") from None
     levels = levels_of_classes(patterns.wheel_class)
 
     def classifier() -> object:

@@ -3,88 +3,90 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
+import shutil
 import signal
 import subprocess
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from .errors import SetUpError, free_bytes, no_space
-from .progress import Step
+from .progress import SetUpError, Step
 
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 POLL_S = 0.2
 PATIENCE_S = 3.0
 SHOWN_LINES = 40
-NOT_SHOWN = ("WARNING", "Looking in", " ", "[")
 ALMOST_FULL = 8 * 2**20
-
-NO_SPACE_WORDS = ("No space left on device", "Disk quota exceeded", "ENOSPC")
-NO_NETWORK_WORDS = (
-    "Failed to establish a new connection",
-    "NewConnectionError",
-    "Temporary failure in name resolution",
-    "Name or service not known",
-    "Network is unreachable",
-    "Connection refused",
-    "Connection timed out",
-    "ConnectTimeoutError",
-    "ReadTimeoutError",
-    "Max retries exceeded",
-    "Could not connect",
-    "dns error",
-    "ProxyError",
+NO_SPACE = re.compile("No space left on device|Disk quota exceeded|ENOSPC")
+NO_NETWORK = re.compile(
+    "Failed to establish a new connection|NewConnectionError|Temporary failure in name resolution|Name or service not known"
+    "|Network is unreachable|Connection refused|Connection timed out|ConnectTimeoutError|ReadTimeoutError"
+    "|Max retries exceeded|Could not connect|dns error|ProxyError"
 )
 
 
 class ChildError(Exception):
     """A program of the set-up ended with an error; `output` is all that it wrote, which is in the file `log` too."""
 
-    def __init__(self, command: Sequence[str], code: int, output: str, log: Path) -> None:
-        super().__init__(f"{Path(command[0]).name} ended with {code}")
+    def __init__(self, output: str, log: Path) -> None:
+        super().__init__(output)
         self.output = output
         self.log = log
 
 
-def explain(failure: ChildError, doing: str, root: Path) -> SetUpError:
+def explain(failure: ChildError, work: str, root: Path) -> SetUpError:
     """The line for a failed program: the known reasons in words, any other with the end of what it wrote."""
     output = failure.output
-    if free_bytes(str(root)) < ALMOST_FULL or any(word in output for word in NO_SPACE_WORDS):
-        return no_space(str(root))
-    if any(word in output for word in NO_NETWORK_WORDS):
+    if free_bytes(str(root)) < ALMOST_FULL or NO_SPACE.search(output):
+        return no_space(root)
+    if NO_NETWORK.search(output):
         return SetUpError(
             "the package index cannot be reached. Check the network, the proxy (https_proxy) and pip's index settings, "
             f"then start again; what was downloaded is kept. Log: {failure.log}"
         )
     failed = re.search(r"^Failed +<<< (\S+)", output, flags=re.MULTILINE)
     if failed:
-        doing = f"building {failed[1]}"
-    relevant = [line for line in failed_part(output).splitlines() if line.strip()][-SHOWN_LINES:]
-    return SetUpError(
-        f"{doing} failed. Mend what is said above and start again. Log: {failure.log}", details="\n".join(relevant)
-    )
-
-
-def failed_part(output: str) -> str:
-    """What colcon shows of the package that failed, which need not be the last; else all of the output.
-
-    When a setup.py raises, colcon breaks down over it, with a traceback of its own; what matters is said before that.
-    """
-    failed = re.search(r"^Failed +<<< (\S+)", output, flags=re.MULTILINE)
-    if failed:
+        work = f"building {failed[1]}"
         shown = re.search(rf"^--- stderr: {re.escape(failed[1])}\n(.*?)^---$", output, flags=re.MULTILINE | re.DOTALL)
-        if shown and "/colcon_core/" in shown[1]:
-            return output[: shown.start()]
         if shown:
-            return shown[1]
-    return output
+            # When a setup.py raises, colcon breaks down over it: what matters is said before colcon's own traceback.
+            output = output[: shown.start()] if "/colcon_core/" in shown[1] else shown[1]
+    details = "\n".join([line for line in output.splitlines() if line.strip()][-SHOWN_LINES:])
+    return SetUpError(f"{work} failed. Mend what is said above and start again. Log: {failure.log}", details)
 
 
-def run(
-    command: Sequence[str], *, environ: dict[str, str], log: Path, lock: int, step: Step, cwd: Path | None = None
-) -> str:
-    """Run `command` to its end and return its output, which goes to the file `log` as well.
+def explain_refusal(error: OSError, root: Path) -> SetUpError:
+    """The line for an OSError met while the set-up wrote into the checkout `root`."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return no_space(root)
+    place = error.filename or root
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return SetUpError(
+            f"{place} is not writable; make it so, or clone into a directory of your own, and start again."
+        )
+    return SetUpError(f"the set-up failed: {error.strerror or error} ({place}). Mend that and start again.")
+
+
+def no_space(root: Path) -> SetUpError:
+    """The line for a full disk; names what is free where the set-up writes."""
+    places = sorted({str(root), tempfile.gettempdir()})
+    free = ", ".join(f"{place}: {free_bytes(place) // 2**20} MiB free" for place in places)
+    return SetUpError(f"no space left on the disk ({free}); the set-up needs about 1.5 GiB. Free some and start again.")
+
+
+def free_bytes(path: str) -> int:
+    """Bytes that an ordinary user can still write at `path`; 0 where it cannot be asked."""
+    try:
+        return shutil.disk_usage(path).free
+    except OSError:
+        return 0
+
+
+def run(command: Sequence[str], *, environ: dict[str, str], log: Path, lock: int, step: Step, cwd: Path) -> None:
+    """Run `command` to its end; its output goes to the file `log`. Raises ChildError.
 
     It inherits the lock, so that it keeps other set-ups waiting should this process be killed, and writes to a file
     rather than to us, so that our death does not stop it half-way. It gets a session of its own: an interrupt at the
@@ -118,10 +120,8 @@ def run(
         if child is not None:
             end_group(child)
         raise
-    text = log.read_bytes().decode(errors="replace")
     if code != 0:
-        raise ChildError(command, code, text, log)
-    return text
+        raise ChildError(log.read_bytes().decode(errors="replace"), log)
 
 
 def end_group(child: subprocess.Popen[bytes]) -> None:
@@ -142,11 +142,6 @@ def end_group(child: subprocess.Popen[bytes]) -> None:
 
 def last_line(log: Path) -> str:
     """The last line worth showing of a log that is being written, without control characters."""
-    try:
-        with log.open("rb") as file:
-            file.seek(max(0, os.fstat(file.fileno()).st_size - 8192))
-            lines = file.read().decode(errors="replace").splitlines()
-    except OSError:
-        return ""
-    told = (line.strip() for line in reversed(lines) if not line.startswith(NOT_SHOWN))
-    return "".join(character for character in next(told, "") if character.isprintable())
+    lines = log.read_bytes()[-8192:].decode(errors="replace").splitlines()
+    shown = (line.strip() for line in reversed(lines) if not line.startswith(("WARNING", "Looking in", " ", "[")))
+    return "".join(character for character in next(shown, "") if character.isprintable())

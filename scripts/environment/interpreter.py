@@ -8,13 +8,11 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
-from .errors import SetUpError
-from .process import tool_environment
-
-PROBE_TIMEOUT_S = 30
+from .progress import SetUpError
+from .variables import tool_environment
 
 # Runs in the candidate, whatever version it is. `real` is the interpreter behind a virtual environment.
 PROBE = """
@@ -27,10 +25,7 @@ def has(name):
     return True
 print(json.dumps({
     "version": list(sys.version_info[:3]),
-    "implementation": platform.python_implementation(),
-    "machine": platform.machine(),
-    "system": platform.system(),
-    "bits": struct.calcsize("P") * 8,
+    "build": [platform.python_implementation(), platform.machine(), struct.calcsize("P") * 8],
     "libc": platform.libc_ver()[0],
     "real": getattr(sys, "_base_executable", None) or sys.executable,
     "venv": has("venv"),
@@ -41,8 +36,7 @@ print(json.dumps({
 """
 
 
-@dataclass(frozen=True)
-class Interpreter:
+class Interpreter(NamedTuple):
     """A Python that was tried and can be used."""
 
     executable: str
@@ -58,12 +52,12 @@ def find_interpreter(environ: Mapping[str, str], *, with_rclpy: bool = False) ->
     """
     check_platform()
     refused: list[str] = []
-    for candidate in candidates(environ):
-        found = probe(candidate, environ, with_rclpy=with_rclpy)
-        if isinstance(found, Interpreter):
-            return found
-        if found:
-            refused.append(f"{candidate} {found}")
+    for candidate in dict.fromkeys(candidates(environ)):
+        if os.access(candidate, os.X_OK):
+            found = probe(candidate, environ, with_rclpy=with_rclpy)
+            if isinstance(found, Interpreter):
+                return found
+            refused += [f"{candidate} {found}"] if found else []
     tried = f" Tried: {'; '.join(refused)}." if refused else ""
     if with_rclpy:
         raise SetUpError(
@@ -87,74 +81,52 @@ def check_platform() -> None:
 
 
 def candidates(environ: Mapping[str, str]) -> Iterator[str]:
-    """Paths that may be a Python 3.12, the likeliest first, each once."""
-    seen: set[str] = set()
-    for path in _candidates(environ):
-        if path not in seen and os.access(path, os.X_OK):
-            seen.add(path)
-            yield path
-
-
-def _candidates(environ: Mapping[str, str]) -> Iterator[str]:
+    """Paths that may be a Python 3.12, the likeliest first; uv, which downloads nothing here, is asked last."""
     if sys.version_info[:2] == (3, 12):
         yield sys.executable
     directories = [entry for entry in environ.get("PATH", "").split(os.pathsep) if entry]
-    for name in ("python3.12", "python3", "python"):
-        for directory in directories:
-            yield os.path.join(directory, name)  # noqa: PTH118 - most of these do not exist
+    yield from (f"{directory}/{name}" for name in ("python3.12", "python3", "python") for directory in directories)
     pyenv = Path(environ.get("PYENV_ROOT") or Path(environ.get("HOME", "/"), ".pyenv"))
     versions = [path for path in pyenv.glob("versions/3.12.*") if path.name.split(".")[2].isdigit()]
     for path in sorted(versions, key=lambda path: int(path.name.split(".")[2]), reverse=True):
         yield str(path / "bin" / "python3.12")
-    yield from uv_python(environ)
-
-
-def uv_python(environ: Mapping[str, str]) -> Iterator[str]:
-    """The Python 3.12 that uv knows of, where there is uv. Downloads nothing."""
     uv = shutil.which("uv", path=environ.get("PATH"))
-    if uv is None:
-        return
-    command = [uv, "python", "find", "--no-project", "3.12"]
-    variables = {**tool_environment(environ), "UV_PYTHON_DOWNLOADS": "never"}
-    answer = ask(command, variables)
-    if answer:
-        yield answer.strip()
+    if uv:
+        known = output_of([uv, "python", "find", "--no-project", "3.12"], tool_environment(environ))
+        yield from [known.strip()] if known else []
 
 
 def probe(candidate: str, environ: Mapping[str, str], *, with_rclpy: bool) -> Interpreter | str:
     """Try a candidate by running it: the interpreter, or why not; an empty reason for simply another version."""
     # -I keeps the environment's variables out of it; with a system ROS they are what makes rclpy importable.
     command = [candidate, *([] if with_rclpy else ["-I"]), "-c", PROBE]
-    answer = ask(command, dict(environ) if with_rclpy else tool_environment(environ))
     try:
-        facts = json.loads(answer)
+        facts = json.loads(output_of(command, dict(environ) if with_rclpy else tool_environment(environ)))
     except ValueError:
         return "does not start" if candidate.endswith("python3.12") else ""
     if facts["version"][:2] != [3, 12]:
         return ""
-    if facts["implementation"] != "CPython" or (facts["machine"], facts["bits"]) != ("x86_64", 64):
-        return (
-            f"is {facts['implementation']} for {facts['bits']}-bit {facts['machine']}, and CPython for x86-64 is needed"
-        )
-    if facts["libc"] != "glibc":
-        return "is not built for glibc, which the wheels need"
-    if not facts["venv"]:
-        return "has no venv module (apt install python3.12-venv)"
-    if not facts["headers"]:
-        return "has no C headers (apt install python3.12-dev)"
-    if with_rclpy and not facts["rclpy"]:
-        return "does not import rclpy"
+    implementation, machine, bits = facts["build"]
     has_uv = shutil.which("uv", path=environ.get("PATH")) is not None
-    if not facts["ensurepip"] and not has_uv:
-        return "has no ensurepip module (apt install python3.12-venv)"
-    return Interpreter(facts["real"], ".".join(map(str, facts["version"])), facts["ensurepip"])
+    reasons = {
+        f"is {implementation} for {bits}-bit {machine}, and CPython for x86-64 is needed": facts["build"]
+        == ["CPython", "x86_64", 64],
+        "is not built for glibc, which the wheels need": facts["libc"] == "glibc",
+        "has no venv module (apt install python3.12-venv)": facts["venv"],
+        "has no C headers (apt install python3.12-dev)": facts["headers"],
+        "does not import rclpy": facts["rclpy"] or not with_rclpy,
+        "has no ensurepip module (apt install python3.12-venv)": facts["ensurepip"] or has_uv,
+    }
+    usable = Interpreter(facts["real"], ".".join(map(str, facts["version"])), facts["ensurepip"])
+    return next((reason for reason, holds in reasons.items() if not holds), usable)
 
 
-def ask(command: list[str], environ: dict[str, str]) -> str:
+def output_of(command: list[str], environ: dict[str, str]) -> str:
     """What a short program prints; empty when it fails, hangs or is none."""
+    environ["UV_PYTHON_DOWNLOADS"] = "never"
     try:
         done = subprocess.run(
-            command, env=environ, stdin=subprocess.DEVNULL, capture_output=True, timeout=PROBE_TIMEOUT_S, check=False
+            command, env=environ, stdin=subprocess.DEVNULL, capture_output=True, timeout=30, check=False
         )
     except (OSError, subprocess.TimeoutExpired):
         return ""

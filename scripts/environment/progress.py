@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import shutil
 import sys
 import time
 
 
+class SetUpError(Exception):
+    """The environment cannot be made. The text is one line: what is wrong, and how to mend it.
+
+    `details` is shown before it: the end of what a compiler or an installer said, where that is what is to be mended.
+    """
+
+    def __init__(self, line: str, details: str = "") -> None:
+        super().__init__(line)
+        self.details = details
+
+
 def write(text: str) -> None:
     """Write to stderr. One that is closed, full or was never there is no reason to stop."""
-    with contextlib.suppress(OSError, ValueError, AttributeError):
+    try:
         sys.stderr.write(text)
         sys.stderr.flush()
+    except (OSError, ValueError, AttributeError):
+        pass
 
 
 def say(text: str) -> None:
     """One line of the set-up's."""
     write(f"[set-up] {text}\n")
-
-
-def is_terminal() -> bool:
-    """Whether stderr is a terminal that can rewrite a line."""
-    try:
-        return sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
-    except (ValueError, AttributeError):
-        return False
 
 
 class Step:
@@ -35,21 +38,26 @@ class Step:
     def __init__(self, number: int, count: int, text: str) -> None:
         self._label = f"[set-up {number}/{count}]"
         self._text = text
-        self._head = f"{self._label} {text} ..."
         self._started = time.monotonic()
-        self._live = is_terminal()
-        write(self._head if self._live else self._head + "\n")
+        try:
+            self._live = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+        except (ValueError, AttributeError):
+            self._live = False
+        write(f"{self._label} {text} ..." + ("" if self._live else "\n"))
 
     def tick(self, detail: str = "") -> None:
         """Show the elapsed seconds and `detail` on the same line of a terminal; elsewhere say nothing."""
         if self._live:
+            from shutil import get_terminal_size
+
             line = f"{self._label} {time.monotonic() - self._started:3.0f} s  {self._text} ... {detail}"
-            write("\r\x1b[K" + line[: shutil.get_terminal_size().columns - 1])
+            write("\r\x1b[K" + line[: get_terminal_size().columns - 1])
 
     def done(self) -> None:
         """Close the line with the time it took."""
         seconds = f"{time.monotonic() - self._started:.1f} s"
-        write(f"\r\x1b[K{self._head} {seconds}\n" if self._live else f"{self._label} done in {seconds}\n")
+        head = f"\r\x1b[K{self._label} {self._text} ..." if self._live else f"{self._label} done in"
+        write(f"{head} {seconds}\n")
 
     def failed(self) -> None:
         """Close the line so that the error starts on one of its own."""

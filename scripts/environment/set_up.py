@@ -1,26 +1,24 @@
-"""The set-up's work, in order: the virtual environment, its packages, the workspace. Reached only when some of it
-is not there or not up to date.
-"""
+"""The set-up's work, in order: the virtual environment, its packages, the workspace."""
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
+import os
 import re
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator, Mapping
 from pathlib import Path
-from types import FrameType
+from xml.etree import ElementTree
 
-from . import stamps, virtual, workspace
-from .child import ChildError, explain, run
-from .errors import SetUpError, from_os_error
-from .exclusive import exclusive
+from . import child
+from .child import ChildError, explain, explain_refusal
 from .interpreter import Interpreter, find_interpreter
-from .process import BOOTSTRAPPED, build_environment, tool_environment
-from .progress import Step
-from .target import Target
+from .progress import SetUpError, Step, say
+from .target import BUILD_STAMP, ENVIRONMENT_STAMP, EXTRAS, UNFINISHED, Package, Target, write_stamp
+from .variables import BOOTSTRAPPED, build_environment, tool_environment
 
 # The one requirement that exists as source only. It is built with the locked setuptools, not with a downloaded one.
 SOURCE_ONLY = "empy"
@@ -28,17 +26,21 @@ BUILD_TOOL = "setuptools"
 # What the installers say when all is downloaded and they begin to change the environment.
 PIP_BEGINS = "Installing collected packages"
 UV_BEGINS = "Prepared"
-CMAKE_HINT = "Install them, for example with `sudo apt install build-essential cmake`, and start again."
 
 
-def set_up(target: Target, purpose: str, environ: Mapping[str, str]) -> None:
-    """Bring the environment to what the checkout asks for. Raises SetUpError, with everything it started ended."""
+def set_up(target: Target, purpose: str, environ: Mapping[str, str]) -> list[Package]:
+    """Bring the environment to what the checkout asks for; the packages of the workspace.
+
+    Raises SetUpError, with everything it started ended.
+    """
     check_path(target.root)
     try:
-        with ending_on_signals(), exclusive(target.state / "lock") as lock:
-            SetUp(target, purpose, environ, lock).go()
+        with ended_by_signals(), exclusive(target.state / "lock") as lock:
+            work = SetUp(target, purpose, environ, lock)
+            work.go()
+            return work.packages
     except OSError as error:
-        raise from_os_error(error, str(target.root)) from error
+        raise explain_refusal(error, target.root) from error
 
 
 def check_path(root: Path) -> None:
@@ -56,192 +58,176 @@ class SetUp:
 
     def __init__(self, target: Target, purpose: str, environ: Mapping[str, str], lock: int) -> None:
         self.target = target
-        self.purpose = purpose
         self.environ = environ
         self.lock = lock
         self.logs = target.state / "log"
         self.logs.mkdir(exist_ok=True)
         self.has_changed_environment = False
+        self.packages = target.packages()
+        held = target.installed()
+        """What is installed; empty without a usable environment."""
+        wanted = [extra for extra in EXTRAS if extra == purpose or extra in held] or ["run"]
+        self.purposes = [each for each in wanted if not target.has_installed(each)]
+        """What to install for. Extras that are in the environment already are kept up to date with it."""
+        self.held = held
 
     def go(self) -> None:
         """Find out what is to be done, check that it can be done, and do it."""
-        self.packages = workspace.find_packages(self.target.workspace / "src")
-        todo: list[tuple[str, Callable[[Step], None]]] = []
-        wants_install = not virtual.is_installed(self.target, self.purpose)
-        if wants_install:
-            if not virtual.is_usable(self.target):
+        todo = []
+        if self.purposes:
+            if not self.held:
                 interpreter = find_interpreter(self.environ, with_rclpy=bool(self.target.underlay))
                 text = f"making {self.target.venv.name} with Python {interpreter.version} ({interpreter.executable})"
                 todo.append((text, lambda step: self.make_venv(interpreter, step)))
-            entries = [virtual.requirements(self.target.lock_of(each).read_text()) for each in self.purposes()]
-            count = len({name for each in entries for name in each})
             # Studies, and cart of induce.py, are the one reason for a command that worked before to install again.
-            why = f" of {self.target.study_lock.name}, once" if "study" in self.purposes() else ""
-            todo.append((f"installing {count} packages{why}", self.install))
-        stale = self.stale_packages()
+            why = " for studies, once" if "study" in self.purposes else ""
+            todo.append((f"installing {len(self.target.requirements(self.purposes))} packages{why}", self.install))
+        stale = self.target.stale(self.packages) if self.held else [package.name for package in self.packages]
         if stale:
-            self.check_build_tools(stale)
+            self.check_workspace(stale)
             names = ", ".join(stale) if len(stale) < 4 else f"{len(stale)} packages"
             todo.append((f"building {names}", self.build))
         for number, (text, work) in enumerate(todo, start=1):
             step = Step(number, len(todo), text)
             try:
                 work(step)
-            except ChildError as failure:
+            except BaseException as failure:
                 step.failed()
+                if not isinstance(failure, ChildError):
+                    raise
                 error = explain(failure, text, self.target.root)
-                if not virtual.is_usable(self.target):
+                if not self.target.installed():
                     remove(self.target.venv)  # half-made, it would only fill the disk
                 raise error from failure
-            except BaseException:
-                step.failed()
-                raise
             step.done()
-        for leftover in workspace.leftover_packages(self.target, self.fingerprints()):
-            remove(leftover)
-            remove(self.target.build / leftover.name)
-
-    def purposes(self) -> list[str]:
-        """What to install for. Extras that are in an environment already are kept up to date with it."""
-        held = virtual.stamp_of(self.target)
-        wanted = [extra for extra in virtual.EXTRAS if extra == self.purpose or extra in held]
-        return [extra for extra in wanted if not virtual.is_installed(self.target, extra)] or ["run"]
-
-    def fingerprints(self) -> dict[str, str]:
-        """What each package of the workspace would be built from now."""
-        return workspace.fingerprints(self.target, self.packages)
-
-    def stale_packages(self) -> list[str]:
-        """The packages to build. All of them where the environment they are built in is yet to be made."""
-        if not virtual.is_usable(self.target):
-            return [package.name for package in self.packages]
-        return workspace.stale_packages(self.target, self.fingerprints())
+        for leftover in self.target.leftovers(self.packages):
+            self.remove_build(leftover.name)
 
     def make_venv(self, interpreter: Interpreter, step: Step) -> None:
         """Make the virtual environment anew."""
         remove(self.target.venv)
-        virtual.mark_unfinished(self.target)
-        with_pip = interpreter.has_ensurepip and self.uv() is None
-        options = [*([] if with_pip else ["--without-pip"])]
-        if self.target.underlay:
-            options.append("--system-site-packages")
-        command = [interpreter.executable, "-m", "venv", *options, str(self.target.venv)]
-        self.run(command, self.tool_environment(), "venv", step)
+        self.target.venv.mkdir()
+        (self.target.venv / UNFINISHED).touch()
+        options = [] if interpreter.has_ensurepip and self.which("uv") is None else ["--without-pip"]
+        options += ["--system-site-packages"] if self.target.underlay else []
+        self.run("venv", [interpreter.executable, "-m", "venv", *options, str(self.target.venv)], step)
 
     def install(self, step: Step) -> None:
-        """Install what the lock says, with its hashes checked. uv is faster; pip knows its own configuration."""
-        purposes, hashes = self.purposes(), virtual.lock_hashes(self.target)
-        lock_files = [self.target.lock_of(purpose) for purpose in purposes]
-        stamp = {"path": str(self.target.venv), "run": hashes["run"]}
-        for extra in virtual.EXTRAS:
-            if extra in purposes or virtual.is_installed(self.target, extra):
-                stamp[extra] = hashes[extra]
-        entries = virtual.requirements(lock_files[0].read_text())
-        first: list[Path] = []
-        if SOURCE_ONLY in entries:
-            build_tool = self.target.state / "build-tool.txt"
-            build_tool.write_text(entries[BUILD_TOOL] + "\n")
-            first = [build_tool]
-        was_usable = virtual.is_usable(self.target)
-        virtual.mark_unfinished(self.target)
+        """Install what the locks say, with its hashes checked; in a usable environment note beforehand that it changes."""
+        entries = self.target.requirements(self.purposes)
+        files = {"build-tool": entries[BUILD_TOOL]} if SOURCE_ONLY in entries else {}
+        files["requirements"] = "\n".join(entries.values())
+        unfinished = self.target.venv / UNFINISHED
+        unfinished.touch()
         try:
-            for requirements in (*first, *lock_files):
-                self.install_from(requirements, step)
+            for name, text in files.items():
+                path = self.target.state / f"{name}.txt"
+                path.write_text(text + "\n")
+                self.install_from(path, step)
         except BaseException:
-            if was_usable and not self.has_changed_environment:
-                virtual.unmark_unfinished(self.target)
+            if self.held and not self.has_changed_environment:
+                unfinished.unlink()
             raise
-        virtual.mark_finished(self.target, stamp)
+        installed = {
+            "run",
+            *self.purposes,
+            *(each for each in self.held if self.target.lock_hash(each) == self.held[each]),
+        }
+        stamp = {each: self.target.lock_hash(each) for each in sorted(installed)}
+        write_stamp(self.target.venv / ENVIRONMENT_STAMP, {"path": str(self.target.venv), **stamp})
+        unfinished.unlink()
 
     def install_from(self, requirements: Path, step: Step) -> None:
-        """Install one requirements file."""
+        """Install one requirements file. uv is faster; pip knows its own configuration."""
         python = str(self.target.python)
         common = ["--require-hashes", "--no-deps", "--only-binary", ":all:", "--no-binary", SOURCE_ONLY]
         common += ["-r", str(requirements)]
-        uv = self.uv()
+        uv = self.which("uv")
         if uv is not None:
             options = ["--python", python, "--compile-bytecode", "--no-build-isolation-package", SOURCE_ONLY]
             try:
                 self.has_changed_environment = True  # unless it says that it failed before
-                self.run([uv, "pip", "install", *options, *common], self.tool_environment(), "install-uv", step)
+                return self.run("install-uv", [uv, "pip", "install", *options, *common], step)
             except ChildError as failure:
                 self.has_changed_environment = UV_BEGINS in failure.output
-            else:
-                return
         if not (self.target.site_packages / "pip").is_dir():
-            self.run([python, "-m", "ensurepip"], self.tool_environment(), "ensurepip", step)
+            self.run("ensurepip", [python, "-m", "ensurepip"], step)
         options = ["--disable-pip-version-check", "--no-input", "--no-user", "--retries", "2"]
         options += ["--no-build-isolation", "--use-pep517"]
         log = self.logs / "install-pip.txt"
         log.write_bytes(b"")  # what an earlier pip did is not what this one did, and a signal may come before it starts
         try:
-            self.run([python, "-m", "pip", "install", *options, *common], self.tool_environment(), "install-pip", step)
+            self.run("install-pip", [python, "-m", "pip", "install", *options, *common], step)
         finally:
             self.has_changed_environment |= PIP_BEGINS in log.read_text(errors="replace")
 
-    def uv(self) -> str | None:
-        """The uv on PATH, if any."""
-        return shutil.which("uv", path=self.environ.get("PATH"))
-
-    def tool_environment(self) -> dict[str, str]:
-        """The variables for pip and uv, which need none of the wheels' libraries."""
-        return {**tool_environment(self.environ), BOOTSTRAPPED: "1", "UV_PYTHON_DOWNLOADS": "never"}
-
-    def check_build_tools(self, names: list[str]) -> None:
-        """Raise SetUpError when a package is to be compiled and something needed for that is not installed."""
+    def check_workspace(self, names: list[str]) -> None:
+        """Raise SetUpError where a package to build is none, or what builds it is not installed."""
+        packages = [package for package in self.packages if package.name in names]
+        for package in packages:
+            try:
+                ElementTree.parse(package.path / "package.xml")
+            except ElementTree.ParseError as error:
+                raise SetUpError(f"{package.path}/package.xml is not XML: {error}. Mend it and start again.") from None
+            if not package.name:
+                raise SetUpError(f"{package.path}/package.xml has no <name>. Mend it and start again.")
         if self.target.underlay and self.which("colcon") is None:
             raise SetUpError(
                 "colcon is not on PATH. Install it, for example with "
                 "`sudo apt install python3-colcon-common-extensions`, and start again."
             )
-        if not any(package.is_compiled for package in self.packages if package.name in names):
-            return
-        missing = [] if self.which("cmake") else ["CMake"]
-        if not self.which(self.environ.get("CC", "").split(" ")[0], "cc", "gcc", "clang"):
-            missing.append("a C compiler")
-        if not self.which(self.environ.get("CXX", "").split(" ")[0], "c++", "g++", "clang++"):
-            missing.append("a C++ compiler")
-        if not self.which("make", "ninja"):
-            missing.append("make")
-        if missing:
-            raise SetUpError(f"the messages are compiled, and {', '.join(missing)} cannot be found. {CMAKE_HINT}")
+        tools = {
+            "CMake": ("cmake",),
+            "a C compiler": (self.environ.get("CC", "").split(" ")[0], "cc", "gcc", "clang"),
+            "a C++ compiler": (self.environ.get("CXX", "").split(" ")[0], "c++", "g++", "clang++"),
+            "make": ("make", "ninja"),
+        }
+        missing = [tool for tool, programs in tools.items() if self.which(*programs) is None]
+        if missing and any(package.is_compiled for package in packages):
+            raise SetUpError(
+                f"the messages are compiled, and {', '.join(missing)} cannot be found. Install them, for example with "
+                "`sudo apt install build-essential cmake`, and start again."
+            )
+
+    def build(self, step: Step) -> None:
+        """Build the stale packages, each from nothing, so that no removed file or message stays behind."""
+        wanted = self.target.fingerprints(self.packages)
+        stale = self.target.stale(self.packages)
+        for name in stale:
+            self.remove_build(name)
+        colcon = self.which("colcon") if self.target.underlay else str(self.target.venv / "bin" / "colcon")
+        command = [str(colcon), "--log-base", str(self.target.log), "build", "--base-paths", "src", "--symlink-install"]
+        command += ["--build-base", str(self.target.build), "--install-base", str(self.target.install)]
+        log = self.logs / "build.txt"
+        log.write_bytes(b"")  # what an earlier build finished is not what this one did
+        try:
+            environ = build_environment(self.target, self.environ)
+            self.run("build", [*command, "--packages-select", *stale], step, environ)
+        finally:
+            finished = re.findall(r"^Finished <<< (\S+)", log.read_text(errors="replace"), flags=re.MULTILINE)
+            for name in set(stale).intersection(finished):
+                write_stamp(self.target.install / name / BUILD_STAMP, self.target.stamp(name, wanted[name]))
+
+    def remove_build(self, name: str) -> None:
+        """Remove what was built of a package."""
+        remove(self.target.install / name)
+        remove(self.target.build / name)
 
     def which(self, *names: str) -> str | None:
         """The first of these programs that is on PATH."""
         found = (shutil.which(name, path=self.environ.get("PATH")) for name in names if name)
         return next((path for path in found if path), None)
 
-    def build(self, step: Step) -> None:
-        """Build the stale packages, each from nothing, so that no removed file or message stays behind."""
-        wanted = self.fingerprints()
-        stale = workspace.stale_packages(self.target, wanted)
-        for name in stale:
-            remove(self.target.install / name)
-            remove(self.target.build / name)
-        colcon = self.which("colcon") if self.target.underlay else str(self.target.venv / "bin" / "colcon")
-        command = [str(colcon), "--log-base", str(self.target.log), "build", "--base-paths", "src"]
-        command += ["--build-base", str(self.target.build), "--install-base", str(self.target.install)]
-        command += ["--packages-select", *stale]
-        environ = build_environment(self.target, self.environ)
-        environ["COLCON_HOME"] = str(self.target.state / "colcon")  # the user's colcon defaults are for other work
-        (self.logs / "build.txt").write_bytes(b"")  # what an earlier build finished is not what this one did
-        try:
-            self.run(command, environ, "build", step, cwd=self.target.workspace)
-        finally:
-            said = (self.logs / "build.txt").read_text(errors="replace")
-            finished = re.findall(r"^Finished <<< (\S+)", said, flags=re.MULTILINE)
-            for name in set(stale).intersection(finished):
-                stamp = workspace.build_stamp(self.target, name, wanted[name])
-                stamps.write(self.target.install / name / workspace.STAMP, stamp)
-
-    def run(self, command: list[str], environ: dict[str, str], log: str, step: Step, cwd: Path | None = None) -> None:
-        """Run a program of this set-up."""
-        run(command, environ=environ, log=self.logs / f"{log}.txt", lock=self.lock, step=step, cwd=cwd)
+    def run(self, log: str, command: list[str], step: Step, environ: dict[str, str] | None = None) -> None:
+        """Run a program of this set-up; pip and uv need none of the wheels' libraries."""
+        environ = environ or {**tool_environment(self.environ), BOOTSTRAPPED: "1", "UV_PYTHON_DOWNLOADS": "never"}
+        place = self.target.workspace
+        child.run(command, environ=environ, log=self.logs / f"{log}.txt", lock=self.lock, step=step, cwd=place)
 
 
 def remove(path: Path) -> None:
     """Remove a directory and all in it. The stamps go first: a removal cut short must not look like finished work."""
-    for stamp in (virtual.STAMP, workspace.STAMP):
+    for stamp in (ENVIRONMENT_STAMP, BUILD_STAMP):
         (path / stamp).unlink(missing_ok=True)
     if path.is_symlink():
         path.unlink()
@@ -250,18 +236,36 @@ def remove(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def ending_on_signals() -> Generator[None, None, None]:
-    """Turn SIGTERM and SIGHUP into an orderly end, which takes the programs that run for us along."""
+def exclusive(path: Path) -> Generator[int, None, None]:
+    """Hold the lock file at `path`; yields its descriptor. Waits, with a message, while another process holds it.
 
-    def end(number: int, frame: FrameType | None) -> None:
-        sys.exit(128 + number)
-
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
-    changed = [number for number, handler in before.items() if handler is signal.SIG_DFL]  # nohup's choice stays
+    The lock belongs to the open file (flock), not to this process: a child that inherits the descriptor holds it too.
+    So when this process is killed, its installer or compiler, still writing, keeps the next set-up waiting.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     try:
-        for number in changed:
-            signal.signal(number, end)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.pread(descriptor, 32, 0).decode(errors="replace").strip()
+            say(f"another set-up of this checkout is running (process {holder or 'unknown'}); waiting for it ...")
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        os.truncate(descriptor, 0)
+        os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+@contextlib.contextmanager
+def ended_by_signals() -> Generator[None, None, None]:
+    """Turn SIGTERM and SIGHUP into an orderly end, which takes the programs that run for us along."""
+    numbers = [each for each in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(each) is signal.SIG_DFL]
+    try:
+        for number in numbers:  # nohup's choice stays
+            signal.signal(number, lambda number, frame: sys.exit(128 + number))
         yield
     finally:
-        for number in changed:
+        for number in numbers:
             signal.signal(number, signal.SIG_DFL)

@@ -14,7 +14,7 @@ KEYS = {"rl50_ms", "dp_ms", "cart_ms", "dp_over_cart", "decision_us"}
 def test_the_benchmark_of_induction_prints_one_object_with_its_figures(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("sklearn", reason="CART is scikit-learn's, which is in requirements-study.txt")
+    pytest.importorskip("sklearn", reason="CART is scikit-learn's, which is in requirements/study.txt")
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     from measure import induction
 

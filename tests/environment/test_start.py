@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from environment import virtual
+from environment import enter
+from environment.target import lock_entries
 from setup_checkout import (
     ROOT,
     START_TIMEOUT_S,
@@ -95,8 +97,8 @@ def test_the_second_start_says_nothing_and_is_over_within_a_second(checkout: Pat
     assert min(seconds) < 1.0
 
 
-def test_closed_standard_streams_are_no_hindrance(checkout: Path) -> None:
-    (checkout / "ros2_ws/src/speaker/speaker/new.py").touch()
+def test_closed_standard_streams_are_no_hindrance_to_a_build(checkout: Path) -> None:
+    (checkout / "ros2_ws/src/speaker/setup.cfg").open("a").write("\n")
     words = " ".join(command(checkout, *SPEAK))
     said = run(["sh", "-c", f"{words} <&- 2>&-"], fresh_environment())
     assert (said.returncode, said.stdout, said.stderr) == (7, "speaks\n", "")
@@ -111,24 +113,26 @@ def test_a_checkout_that_is_set_up_starts_from_a_read_only_file_system(checkout:
     assert (said.returncode, said.stdout, said.stderr) == (7, "speaks\n", "")
 
 
-def test_an_edited_a_new_and_a_removed_source_file_are_taken_up_by_the_next_start(checkout: Path) -> None:
+def test_an_edited_a_new_and_a_removed_module_are_taken_up_by_the_next_start_without_a_build(checkout: Path) -> None:
     source = checkout / "ros2_ws/src/speaker/speaker"
-    installed = checkout / "ros2_ws/install/speaker/lib/python3.12/site-packages/speaker"
     code = source / "speak.py"
     before = code.read_text()
     code.write_text("from speaker.words import WORD\ndef main():\n    print(WORD)\n")
     (source / "words.py").write_text("WORD = 'changed'\n")
     said = start(checkout, *SPEAK)
-    assert (said.returncode, said.stdout) == (0, "changed\n")
-    assert "[set-up 1/1] building speaker" in said.stderr
+    assert (said.returncode, said.stdout, said.stderr) == (0, "changed\n", "")
     code.write_text(before)
     (source / "words.py").unlink()
     assert start(checkout, *SPEAK, "again").stdout == "speaks again\n"
-    assert not (installed / "words.py").exists()
 
 
 def test_a_new_package_is_built_and_a_removed_one_disappears(checkout: Path) -> None:
     source = checkout / "ros2_ws/src"
+    write_package(source / "second")
+    (source / "second/package.xml").write_text("<package>")
+    said = start(checkout, "ros2", "pkg", "executables")
+    assert (said.returncode, said.stderr.count("\n")) == (2, 1)
+    assert f"{source}/second/package.xml is not XML" in said.stderr
     write_package(source / "second")
     said = start(checkout, "ros2", "pkg", "executables")
     assert said.stdout == "second speak\nspeaker speak\n", said.stderr
@@ -173,10 +177,9 @@ def test_test_py_adds_the_test_tools_once_and_hands_its_arguments_to_pytest(chec
 def test_a_changed_lock_is_installed_into_the_same_environment_and_keeps_the_test_tools(checkout: Path) -> None:
     assert start(checkout, "test.py", "--version").returncode == 0
     made = (checkout / ".venv/pyvenv.cfg").stat()
-    new = virtual.requirements((ROOT / "requirements-test.txt").read_text())["sortedcontainers"]
-    for name in ("requirements.txt", "requirements-test.txt"):
-        with (checkout / name).open("a") as lock:
-            lock.write(f"{new}\n")
+    new = lock_entries((ROOT / "requirements/test.txt").read_text())["sortedcontainers"]
+    with (checkout / "requirements/run.txt").open("a") as lock:
+        lock.write(f"{new}\n")
     said = start(checkout, *SPEAK, "on")
     assert said.stdout == "speaks on\n", said.stderr
     assert "installing" in said.stderr
@@ -197,17 +200,18 @@ def test_a_moved_checkout_is_set_up_again_in_its_new_place(checkout: Path, tmp_p
     assert shebang == f"#!{moved}/.venv/bin/python"
 
 
-@pytest.mark.parametrize("arguments", [("run", "nothing", "speak"), ("pkg", "executables", "nothing")])
-def test_an_unknown_package_is_named_as_ros2_names_it(checkout: Path, arguments: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("run", "nothing", "speak"), "Package 'nothing' not found"),
+        (("pkg", "executables", "nothing"), "Package 'nothing' not found"),
+        (("run", "speaker", "nothing"), "No executable found"),
+        (("pkg", "prefix", "nothing"), "Package not found"),
+    ],
+)
+def test_what_is_not_there_is_answered_as_ros2_does(checkout: Path, arguments: tuple[str, ...], line: str) -> None:
     said = start(checkout, "ros2", *arguments)
-    assert (said.returncode, said.stdout, said.stderr) == (1, "", "Package 'nothing' not found\n")
-
-
-def test_an_unknown_executable_and_prefix_are_answered_as_ros2_does(checkout: Path) -> None:
-    said = start(checkout, "ros2", "run", "speaker", "nothing")
-    assert (said.returncode, said.stdout, said.stderr) == (1, "", "No executable found\n")
-    said = start(checkout, "ros2", "pkg", "prefix", "nothing")
-    assert (said.returncode, said.stdout, said.stderr) == (1, "", "Package not found\n")
+    assert (said.returncode, said.stdout, said.stderr) == (1, "", f"{line}\n")
 
 
 def test_the_lookup_prints_what_ros2_prints(checkout: Path) -> None:
@@ -253,7 +257,7 @@ def test_env_sh_gives_a_shell_the_environment_and_leaves_its_options_alone(check
         f"set -u; before=$-; cd {checkout}/scripts; source ./env.sh; echo $?; [ $- = $before ] && echo same; cd /\n"
         "command -v python ros2; ros2 run speaker speak there; python -c 'import speaker; print(speaker.__file__)'",
     )
-    venv, site = checkout / ".venv/bin", checkout / "ros2_ws/install/speaker/lib/python3.12/site-packages"
+    venv, site = checkout / ".venv/bin", checkout / "ros2_ws/build/speaker"
     expected = f"0\nsame\n{venv}/python\n{checkout}/scripts/ros2\nspeaks there\n{site}/speaker/__init__.py\n"
     assert said.stdout == expected, said.stderr
 
@@ -279,3 +283,24 @@ def test_a_real_ros2_comes_first_with_a_shell_that_has_one(checkout: Path, tmp_p
     real.chmod(0o755)
     path = os.pathsep.join([fresh_environment()["PATH"], str(tmp_path)])
     assert in_shell("bash", f"source {checkout}/scripts/env.sh; ros2", PATH=path).stdout == "real\n"
+
+
+class Asked(Exception):
+    """Which purpose an environment was asked for."""
+
+
+@pytest.mark.parametrize(
+    ("purpose", "argv", "asked"),
+    [("study", ["paper"], "study"), ("study", ["paper", "--help"], "run"), ("test", ["--help"], "test")],
+)
+def test_help_alone_installs_no_study_packages(
+    purpose: str, argv: list[str], asked: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(purpose: str) -> None:
+        raise Asked(purpose)
+
+    monkeypatch.setattr(sys.modules["environment.enter"], "environment_or_exit", refuse)
+    monkeypatch.setattr(sys, "argv", ["command.py", *argv])
+    monkeypatch.delenv("_FBQL_ENTERED", raising=False)
+    with pytest.raises(Asked, match=f"^{asked}$"):
+        enter("experiment", purpose=purpose)

@@ -9,8 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from environment.child import ChildError, explain
-from environment.errors import from_os_error
+from environment.child import ChildError, explain, explain_refusal
 from environment.progress import Step, say
 
 
@@ -25,7 +24,7 @@ from environment.progress import Step, say
     ],
 )
 def test_what_the_system_refuses_becomes_one_line(number: int, words: str) -> None:
-    line = str(from_os_error(OSError(number, os.strerror(number), "/c/.setup"), "/c"))
+    line = str(explain_refusal(OSError(number, os.strerror(number), "/c/.setup"), Path("/c")))
     assert words in line
     assert "\n" not in line
 
@@ -42,7 +41,7 @@ def test_what_the_system_refuses_becomes_one_line(number: int, words: str) -> No
     ],
 )
 def test_an_outside_reason_is_recognised_in_what_a_program_wrote(output: str, words: str, tmp_path: Path) -> None:
-    error = explain(ChildError(["pip"], 1, output, tmp_path / "log"), "installing", tmp_path)
+    error = explain(ChildError(output, tmp_path / "log"), "installing", tmp_path)
     assert words in str(error)
     assert error.details == ""
 
@@ -52,7 +51,7 @@ def test_when_colcon_breaks_down_over_a_setup_py_its_own_traceback_is_left_out(t
         "Traceback (most recent call last):\nValueError: no such version\n--- stderr: bad\n"
         'File "/site-packages/colcon_core/executor.py", line 1\n---\nFailed   <<< bad [0.1s, exited with code 1]\n'
     )
-    error = explain(ChildError(["colcon"], 1, output, tmp_path / "log"), "building bad", tmp_path)
+    error = explain(ChildError(output, tmp_path / "log"), "building bad", tmp_path)
     assert error.details.splitlines()[-1] == "ValueError: no such version"
 
 
@@ -61,7 +60,7 @@ def test_any_other_failure_shows_the_end_of_what_the_failed_package_wrote(tmp_pa
         "--- stderr: good\nwarning: x\n---\nFinished <<< good [1s]\n"
         "--- stderr: bad\nmsg/A.msg:1: syntax\n---\nFailed   <<< bad [0.1s, exited with code 1]\n\nSummary: 1 failed\n"
     )
-    error = explain(ChildError(["colcon"], 1, output, tmp_path / "log"), "building good, bad", tmp_path)
+    error = explain(ChildError(output, tmp_path / "log"), "building good, bad", tmp_path)
     assert error.details == "msg/A.msg:1: syntax"
     assert "building bad failed" in str(error)
     assert str(tmp_path / "log") in str(error)

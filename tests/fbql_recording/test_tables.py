@@ -14,7 +14,7 @@ from fbql_recording import open_run
 from fbql_recording.tables import episodes_frame, steps_frame, write_episodes, write_steps
 from recorded_match import ROOT, record_match
 
-OPTIONAL = "it is in requirements-study.txt"
+OPTIONAL = "it is in requirements/study.txt"
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from fbql_sim.core.scripted_law import law
 from fbql_sim.core.world_loop import WorldLoop
 from places import ROOT
 
-gymnasium = pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
+gymnasium = pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements/test.txt")
 WITHOUT_GYMNASIUM = """
 import sys
 sys.modules["gymnasium"] = None

@@ -19,7 +19,7 @@ REAL_PYTHON = Path(sys.base_prefix) / "bin" / "python3.12"
 START_TIMEOUT_S = 600
 
 KEPT_SCRIPTS = ("environment", "ros2", "env.sh", "test.py")
-KEPT_REQUIREMENTS = re.compile(
+KEPT = re.compile(
     r"(argcomplete|catkin-pkg|colcon-.*|distlib|docutils|empy|packaging|pyparsing|python-dateutil|pyyaml|setuptools|six)=="
 )
 KEPT_FOR_TESTS = re.compile(r"(iniconfig|pluggy|pygments|pytest)==")
@@ -67,12 +67,12 @@ def make_checkout(place: Path) -> Path:
     for name in ("pyproject.toml", "ros2_ws/colcon.meta"):
         (place / name).parent.mkdir(exist_ok=True)
         shutil.copy(ROOT / name, place / name)
-    entries = re.split(r"^(?=\S)", (ROOT / "requirements-test.txt").read_text(), flags=re.MULTILINE)
-    run = "".join(entry for entry in entries if KEPT_REQUIREMENTS.match(entry))
-    assert run.count("==") > 20, "the lock is not what this expects"
-    (place / "requirements.txt").write_text(run)
-    (place / "requirements-study.txt").write_text(run)
-    (place / "requirements-test.txt").write_text(run + "".join(e for e in entries if KEPT_FOR_TESTS.match(e)))
+    (place / "requirements").mkdir()
+    for name in ("ros", "run", "test", "study"):
+        entries = re.split(r"^(?=\S)", (ROOT / "requirements" / f"{name}.txt").read_text(), flags=re.MULTILINE)
+        kept = KEPT_FOR_TESTS if name == "test" else KEPT
+        (place / "requirements" / f"{name}.txt").write_text("".join(filter(kept.match, entries)))
+    assert (place / "requirements/ros.txt").read_text().count("==") > 20, "the lock is not what this expects"
     write_package(place / "ros2_ws" / "src" / "speaker")
     return place
 

@@ -5,32 +5,29 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from environment import stamps, virtual
-from environment.target import Target, target_for
-from environment.workspace import Package
+from environment.target import ENVIRONMENT_STAMP, Package, Target, write_stamp
 
-
-def wheels_target(root: Path) -> Target:
-    """The places of the checkout `root` where no system ROS is sourced."""
-    return target_for(root, {})
+LOCK = "{name}==1 \\\n    --hash=sha256:00\n"
 
 
 def made_target(root: Path) -> Target:
-    """A checkout at `root` with an environment that is stamped for the run lock."""
-    target = wheels_target(root)
+    """A checkout at `root` with an environment that is stamped for the run locks."""
+    target = Target(root)
     target.python.parent.mkdir(parents=True)
     target.python.symlink_to(sys.executable)
-    target.run_lock.write_text("a==1 \\\n    --hash=sha256:00\n")
-    target.test_lock.write_text("a==1 \\\n    --hash=sha256:00\nb==2 \\\n    --hash=sha256:11\n")
-    target.study_lock.write_text("a==1 \\\n    --hash=sha256:00\nc==3 \\\n    --hash=sha256:22\n")
-    hashes = virtual.lock_hashes(target)
-    stamps.write(target.venv / virtual.STAMP, {"path": str(target.venv), "run": hashes["run"]})
+    (root / "requirements").mkdir()
+    for name in ("ros", "run", "test", "study"):
+        (root / "requirements" / f"{name}.txt").write_text(LOCK.format(name=name))
+    stamp_environment(target, "run")
     return target
+
+
+def stamp_environment(target: Target, *purposes: str) -> None:
+    """As if these purposes had just been installed."""
+    stamp = {purpose: target.lock_hash(purpose) for purpose in purposes}
+    write_stamp(target.venv / ENVIRONMENT_STAMP, {"path": str(target.venv), **stamp})
 
 
 def packages() -> list[Package]:
     """A compiled package, and one in Python that depends on it."""
-    return [
-        Package("messages", Path("/src/messages"), "ament_cmake", frozenset()),
-        Package("node", Path("/src/node"), "ament_python", frozenset({"messages"})),
-    ]
+    return [Package("messages", Path("/src/messages"), True), Package("node", Path("/src/node"), False)]

@@ -5,13 +5,17 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+import tomllib
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import yaml
 from places import ROOT
 
 SOURCE = ROOT / "ros2_ws" / "src"
@@ -50,6 +54,7 @@ ROS = (
     "ament_index_python",
     "builtin_interfaces",
     "diagnostic_msgs",
+    "domain_coordinator",
     "fbql_msgs",
     "geometry_msgs",
     "rcl_interfaces",
@@ -244,7 +249,7 @@ def test_the_set_up_runs_on_the_standard_library_alone() -> None:
 
     def is_allowed(name: str, each: Import) -> bool:
         # enter.py reaches the command, once the environment is there.
-        is_entry = each.module in {COMPUTED, "fbql.cli.app"} and name == "environment.enter"
+        is_entry = each.module.startswith("fbql.cli.app") and name == "environment.enter"
         return is_entry or each.root in {"environment", *sys.stdlib_module_names}
 
     found = breaches(paths, is_allowed)
@@ -265,9 +270,71 @@ def test_nothing_unpickles() -> None:
     assert not found, "\n".join(found)
 
 
+NAMES = {
+    "foxglove": "foxglove-sdk",
+    "sklearn": "scikit-learn",
+    "stable_baselines3": "stable-baselines3",
+    "yaml": "PyYAML",
+}
+"""Import -> distribution, where they differ."""
+KEYS = {"PyYAML": "python3-yaml", "mcap": "python3-mcap-pip", "pymunk": "python3-pymunk-pip"}
+"""Distribution -> rosdep key, where it is not python3-NAME."""
+IN_ROSDISTRO = {"python3-matplotlib", "python3-numpy", "python3-pytest", "python3-yaml"}
+NOT_OURS = {"pystreed"}
+"""Only used where the user has installed it: it depends on a package under the GPL."""
+
+
+def setup_lists(package: str) -> tuple[set[str], set[str]]:
+    """The distributions that a package's setup.py requires, and those of its extras, without versions."""
+    tree = ast.parse((SOURCE / package / "setup.py").read_text())
+    found = {
+        node.arg: ast.literal_eval(node.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.keyword) and node.arg in ("install_requires", "extras_require")
+    }
+    return without_versions(found["install_requires"]), without_versions(chain(*found["extras_require"].values()))
+
+
+def without_versions(requirements: Iterable[str]) -> set[str]:
+    """The names of requirements."""
+    return {re.split(r"[<>=\[ ]", each)[0] for each in requirements}
+
+
 @pytest.mark.parametrize("package", PACKAGES)
-def test_a_package_declares_the_ros_packages_that_it_imports(package: str) -> None:
+def test_a_package_declares_what_it_imports_in_its_manifest_and_its_setup(package: str) -> None:
     manifest = (SOURCE / package / "package.xml").read_text()
+    required, optional = setup_lists(package)
     ros = {*ROS, *PACKAGES} - {package}
-    found = breaches(modules(package), lambda _, each: each.root not in ros or f"depend>{each.root}</" in manifest)
+
+    def is_declared(_: str, each: Import) -> bool:
+        if each.root in ros:
+            return f"depend>{each.root}</" in manifest
+        if each.root in {package, COMPUTED, *NOT_OURS, *sys.stdlib_module_names}:
+            return True
+        name = NAMES.get(each.root, each.root)
+        return name in optional or (name in required and f"depend>{KEYS.get(name, f'python3-{name}')}</" in manifest)
+
+    found = breaches(modules(package), is_declared)
     assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_rosdep_key_of_a_manifest_is_known(package: str) -> None:
+    keys = set(re.findall(r"depend>(python3-[^<]*)</", (SOURCE / package / "package.xml").read_text()))
+    assert keys <= {*IN_ROSDISTRO, *yaml.safe_load((ROOT / "ros2_ws" / "rosdep.yaml").read_text())}
+
+
+def test_the_root_declares_what_the_packages_declare() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = without_versions(chain(*project["optional-dependencies"].values()))
+    for package in PACKAGES:
+        required, optional = setup_lists(package)
+        assert required - {"setuptools"} <= without_versions(project["dependencies"]), package
+        assert optional <= extras, package
+
+
+@pytest.mark.parametrize("package", (*PACKAGES, "fbql_msgs"))
+def test_no_manifest_names_a_host_that_is_not_ours(package: str) -> None:
+    manifest = (SOURCE / package / "package.xml").read_text()
+    assert re.findall(r'email="[^"]*@([^"]*)"', manifest) == ["example.org"]
+    assert "<url" not in manifest

@@ -1,4 +1,4 @@
-"""The whole repository is formatted, linted and type-checked. The tools are those of requirements-test.txt."""
+"""The whole repository is formatted, linted and type-checked. The tools are those of requirements/test.txt."""
 
 from __future__ import annotations
 

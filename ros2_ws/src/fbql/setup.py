@@ -38,7 +38,7 @@ setup(
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
     ],
     install_requires=["setuptools", "numpy", "PyYAML"],
-    extras_require={"test": ["pytest"]},
+    extras_require={"figures": ["matplotlib"], "foxglove": ["foxglove-sdk"], "test": ["pytest"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -23,8 +23,8 @@ setup(
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
         (f"share/{name}/trees", sorted(map(str, Path(name, "trees").glob("*.json")))),
     ],
-    install_requires=["setuptools", "numpy"],
-    extras_require={"test": ["pytest"]},
+    install_requires=["setuptools", "mcap", "numpy", "zstandard"],
+    extras_require={"cart": ["scikit-learn"], "test": ["pytest"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -21,7 +21,12 @@ setup(
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
     ],
     install_requires=["setuptools", "numpy"],
-    extras_require={"figures": ["matplotlib"], "cluster": ["distributed"], "test": ["pytest"]},
+    extras_require={
+        "cluster": ["distributed"],
+        "figures": ["matplotlib"],
+        "peers": ["gymnasium", "scikit-learn", "stable-baselines3", "torch"],
+        "test": ["pytest"],
+    },
     zip_safe=False,
     entry_points={"fbql.commands": ["experiment = fbql_studies.experiment"]},
 )

@@ -101,7 +101,7 @@ def test_without_scikit_learn_cart_is_refused_before_anything_is_done(
 ) -> None:
     monkeypatch.setitem(sys.modules, "sklearn", None)
     line = refused(capsys, "ball_seeking", "--method", "cart")
-    assert "scikit-learn" in line and "pip install -r requirements-study.txt" in line
+    assert "scikit-learn" in line and "pip install -r requirements/study.txt" in line
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from rclpy.serialization import deserialize_message
 from run_directory_reader import summary_of
 from visualization_msgs.msg import MarkerArray
 
-pytest.importorskip("foxglove", reason="an optional extra, which is in requirements-test.txt")
-client = pytest.importorskip("websockets.sync.client", reason="it is in requirements-test.txt")
+pytest.importorskip("foxglove", reason="an optional extra, which is in requirements/test.txt")
+client = pytest.importorskip("websockets.sync.client", reason="it is in requirements/test.txt")
 
 Start = Callable[..., Run]
 ADDRESS = re.compile(r"ws://127\.0\.0\.1:\d+")
@@ -97,5 +97,5 @@ def test_without_the_extra_it_says_what_to_install(start: Start, tmp_path) -> No
     (hidden / "sitecustomize.py").write_text("import sys\nsys.modules['foxglove'] = None\n")
     run = start("--episodes", "1", "--foxglove", environment={"PYTHONPATH": str(hidden)})
     assert run.exit_code() == 2
-    assert "requirements-foxglove.txt" in run.stderr
+    assert "requirements/foxglove.txt" in run.stderr
     assert not run.out.exists()

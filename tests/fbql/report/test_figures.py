@@ -12,8 +12,8 @@ from commands import report as main
 from fbql_recording import Episode, open_run
 from recorded_match import record_match
 
-pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
-pytest.importorskip("pyarrow", reason="it is in requirements-study.txt")
+pytest.importorskip("matplotlib", reason="it is in requirements/study.txt")
+pytest.importorskip("pyarrow", reason="it is in requirements/study.txt")
 
 from fbql.report.figures import course_of, write_figures
 

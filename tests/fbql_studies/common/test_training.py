@@ -64,7 +64,7 @@ def test_frozen_play_meets_the_same_episodes_whatever_plays_and_repeats(learner:
 
 
 def test_the_law_plays_the_episodes_of_the_run_seed() -> None:
-    pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
+    pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements/test.txt")
     from fbql_studies.peers.play import score_of_law
 
     found = law_played(WorldLoop(), 77, 2)

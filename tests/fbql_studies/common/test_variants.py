@@ -80,7 +80,7 @@ def test_a_single_run_is_compared_without_p_and_a_control_not_with_itself() -> N
 
 
 def test_a_single_run_is_drawn_without_an_interval_and_an_endless_one_as_an_arrow() -> None:
-    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
+    pytest.importorskip("matplotlib", reason="it is in requirements/study.txt")
     from fbql_studies.common.drawing import intervals_figure
 
     def lines(low: float | None, high: float | None) -> int:

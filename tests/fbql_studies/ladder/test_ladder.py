@@ -106,7 +106,7 @@ def test_a_task_gives_the_same_result_again_and_the_table_has_every_method(study
     assert [method for method in told if method in expected] == list(expected)
     assert len({tuple(row) for row in rows if "method" in row}) == 1, "methods have other columns than others"
     assert {row["episodes"] for row in rows if "method" in row} == {2}
-    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
+    pytest.importorskip("matplotlib", reason="it is in requirements/study.txt")
     for file in study.figures(results, tmp_path):
         assert file.stat().st_size < 100_000
         assert file.suffix == ".json" or file.read_text().startswith("<?xml")
@@ -193,7 +193,7 @@ def test_weight_maps_hold_the_weights_of_every_place_and_of_nothing_learned_equa
 def test_one_worker_and_two_give_the_same_results_and_a_run_goes_on_where_one_was_stopped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
+    pytest.importorskip("matplotlib", reason="it is in requirements/study.txt")
     arguments = ["ladder", *TINY, "--max-steps", "5", "--learners", "fbql", "--json", "--out"]
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     try:

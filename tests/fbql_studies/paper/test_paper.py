@@ -38,7 +38,7 @@ def test_the_papers_protocol_tells_rung_a_ties_and_courses(tmp_path: Path, monke
     for run in (run for result in results.values() for run in result["runs"]):
         assert len(run["course"]) == run["episodes"]
         assert sum(steps for _, steps, _, _ in run["course"]) == run["steps"]
-    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
+    pytest.importorskip("matplotlib", reason="it is in requirements/study.txt")
     assert [file.name for file in paper.figures(results, tmp_path)] == ["curves.json", "fusion_paper.svg"]
 
 

@@ -14,7 +14,7 @@ from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.session import episode_seed
 from fbql_sim.core.world_loop import WorldLoop
 
-gymnasium = pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
+gymnasium = pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements/test.txt")
 
 from fbql_studies.common.play import score_of  # noqa: E402
 from fbql_studies.peers.play import score_in, score_of_law  # noqa: E402

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
+pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements/test.txt")
 
 from fbql_studies.common.methods import FBQL
 from fbql_studies.common.tuning import grid
@@ -111,7 +111,7 @@ def test_a_learner_trains_for_its_budget_and_plays_frozen_on_the_evaluation(
 
 
 def test_ppo_trains_for_its_budget_and_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("stable_baselines3", reason="an optional extra: requirements-peers.txt")
+    pytest.importorskip("stable_baselines3", reason="an optional extra: requirements/peers.txt")
     monkeypatch.setattr("fbql_studies.peers.learners.CHOOSING_EPISODES", 1)
     found = [learn(PPO_BLEND, small(25_000)) for _ in range(2)]
     for learned in found:

@@ -15,7 +15,7 @@ from fbql_studies.peers import study as peers
 from fbql_studies.runner.study import MEASURED, Result
 from studies import shipped, tasks_of
 
-pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
+pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements/test.txt")
 
 from fbql_studies.peers.learners import LEARNERS, NEED_PPO, TABULAR
 
@@ -44,7 +44,7 @@ def test_without_the_extra_its_peers_are_left_out_with_one_line_and_rows_that_sa
     found = tasks_of(peers, "--trees", "1", "--seeds", "1")
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert "pip install -r requirements-peers.txt" in said
+    assert "pip install -r requirements/peers.txt" in said
     assert {task.parameters["part"] for task in found} == {peers.CONTROLS, *LEARNERS} - set(NEED_PPO)
     rows = peers.table({"a": controls({LAW: 500})})
     assert [row["method"] for row in rows] == [LAW, *NEED_PPO]
@@ -130,7 +130,7 @@ def test_a_task_gives_the_same_result_again_and_its_figures_can_be_drawn(
     row = result["runs"][0]
     assert (row["method"], row["episodes"]) == (TABULAR, 2)
     assert 0 < sum(part["steps"] for part in row["curve"]) <= row["training_steps"] + 4000
-    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
+    pytest.importorskip("matplotlib", reason="it is in requirements/study.txt")
     files = peers.figures({"a": result}, tmp_path)
     assert [file.name for file in files] == ["curves.json", "fusion_peers.svg", "fusion_peers_training.svg"]
     assert all(file.read_text().startswith("<?xml") for file in files[1:])

@@ -262,7 +262,7 @@ def test_a_config_that_cannot_be_written_is_one_line(
 @pytest.mark.parametrize("name", STUDIES)
 def test_no_task_of_more_seeds_and_trees_is_mistaken_for_one_of_fewer(name: str) -> None:
     if name == "peers":
-        pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements-test.txt")
+        pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements/test.txt")
     study = study_of(name)
 
     def tasks(count: int) -> dict[str, Parameters]:
@@ -416,7 +416,7 @@ def cluster(place: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
 def test_a_cluster_gives_the_results_of_the_local_workers_and_a_killed_worker_costs_one_retry(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("distributed", reason="Dask is in requirements-study.txt")
+    pytest.importorskip("distributed", reason="Dask is in requirements/study.txt")
     with cluster(tmp_path) as (address, processes):
         assert main(arguments(tmp_path, "--others", "raise", "kill_once", "--scheduler", address, out="cluster")) == 1
         summary = json.loads(capsys.readouterr().out)
@@ -432,7 +432,7 @@ def test_a_cluster_gives_the_results_of_the_local_workers_and_a_killed_worker_co
 
 @pytest.mark.long
 def test_a_cluster_that_ends_ends_the_study_in_one_line_and_it_goes_on_without(tmp_path: Path) -> None:
-    pytest.importorskip("distributed", reason="Dask is in requirements-study.txt")
+    pytest.importorskip("distributed", reason="Dask is in requirements/study.txt")
     with cluster(tmp_path) as (address, processes):
         process = launched(tmp_path, "--seeds", "1", "--others", "wait", "--scheduler", address)
         probe_study.wait_for(tmp_path / "waits")

@@ -31,7 +31,7 @@ def test_more_behaviors_train_and_play_and_keep_only_what_they_met(
         assert row["joint_states"] < row["leaf_product"]
         assert row["table_bytes"] == row["leaf_product"] * row["behaviors"] * 16
     assert rows[-1]["bytes"] < 1e-6 * rows[-1]["table_bytes"]
-    pytest.importorskip("matplotlib", reason="it is in requirements-study.txt")
+    pytest.importorskip("matplotlib", reason="it is in requirements/study.txt")
     assert [file.name for file in scaling.figures(results, tmp_path)] == ["curves.json", "fusion_scaling.svg"]
 
 

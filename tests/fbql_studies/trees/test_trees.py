@@ -22,7 +22,7 @@ from fbql_common.core.errors import BadInput
 from fbql_fusion.core.parameters import Thresholds
 
 for package in ("sklearn", "matplotlib"):
-    pytest.importorskip(package, reason=f"{package} is in requirements-study.txt")
+    pytest.importorskip(package, reason=f"{package} is in requirements/study.txt")
 
 from fbql.statistics.tables import as_markdown  # noqa: E402
 from fbql_studies.common import pattern_sets, team_play  # noqa: E402

@@ -77,5 +77,5 @@ def scikit_learn() -> tuple[Any, Any]:
         return import_module("sklearn"), import_module("sklearn.tree")
     except ModuleNotFoundError:
         raise BadInput(
-            f"CART needs scikit-learn, which is not installed: {sys.executable} -m pip install -r requirements-study.txt"
+            f"CART needs scikit-learn, which is not installed: {sys.executable} -m pip install -r requirements/study.txt"
         ) from None

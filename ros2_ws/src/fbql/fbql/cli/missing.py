@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+
+from fbql.cli.places import CHECKOUT
+
 ROS = frozenset(
     {
         *("ament_index_python", "builtin_interfaces", "diagnostic_msgs", "domain_coordinator", "fbql_msgs"),
@@ -19,16 +23,21 @@ EXTRAS = {
     "foxglove": "foxglove",
 }
 """Package -> the extra of the distribution `fbql` that brings it."""
+LOCKS = {"foxglove": "foxglove", "peers": "peers"}
+"""Extra -> the lock file of a checkout that has it, where that is not study.txt."""
 
 
 def what_is_missing(module: str) -> str | None:
-    """One line about a module that could not be imported; None for one that no installation lacks."""
+    """One line about a module that could not be imported; None for one that every installation has."""
     package = module.partition(".")[0]
     if package in ROS:
         return (
-            f"this needs ROS 2 Jazzy, and its package {package} can't be imported: source a ROS 2 workspace that has "
-            "this project built in it, or use python3 scripts/NAME.py of a clone, which installs ROS by itself"
+            f"this needs ROS 2 Jazzy, whose package {package} can't be imported: source a ROS 2 workspace in which this "
+            "project is built, or run python3 scripts/NAME.py in a clone, which installs ROS by itself"
         )
     if package in EXTRAS:
-        return f"this needs {package}, which is not installed: pip install 'fbql[{EXTRAS[package]}]'"
+        extra = EXTRAS[package]
+        in_checkout = f"python -m pip install -r requirements/{LOCKS.get(extra, 'study')}.txt"
+        install = in_checkout if CHECKOUT in os.environ else f"pip install 'fbql[{extra}]'"
+        return f"this needs {package}, which is not installed: {install}"
     return None

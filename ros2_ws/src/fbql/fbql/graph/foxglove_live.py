@@ -1,6 +1,6 @@
 """The graph live in Foxglove: the messages of its topics, byte for byte, on a websocket of this machine.
 
-It needs foxglove-sdk, an optional extra: requirements-foxglove.txt. Nothing in the graph depends on it: a client that is
+It needs foxglove-sdk, an optional extra: requirements/foxglove.txt. Nothing in the graph depends on it: a client that is
 slow, or gone, loses messages and holds nobody up.
 """
 
@@ -56,7 +56,7 @@ class FoxgloveLive:
         except ImportError:
             raise BadInput(
                 "--foxglove: foxglove-sdk is not installed; `source scripts/env.sh`, then "
-                "`python -m pip install -r requirements-foxglove.txt`"
+                "`python -m pip install -r requirements/foxglove.txt`"
             ) from None
         if not 0 <= port <= 65535:
             raise BadInput(f"--foxglove {port}: a port is a number from 0 to 65535")

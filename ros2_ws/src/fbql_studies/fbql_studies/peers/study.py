@@ -2,7 +2,7 @@
 
 A learner trains with a training seed (below FIRST_RUN_SEED) and then plays frozen on the episodes of another seed, the same
 ones for every method of a tree set and seed. What is tuned for a tree set is tuned on training episodes. Stable-Baselines3
-and torch are an optional extra (requirements-peers.txt): without them its rows say so.
+and torch are an optional extra (requirements/peers.txt): without them its rows say so.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SEEDS_OF_A_TREE_SET = 100
 MOST_TREE_SETS = (FIRST_RUN_SEED - FIRST_TRAINING_SEED) // SEEDS_OF_A_TREE_SET
 CONTROLS = "controls"
 EXTRA = "stable_baselines3"
-NOT_INSTALLED = "not installed: pip install -r requirements-peers.txt"
+NOT_INSTALLED = "not installed: pip install -r requirements/peers.txt"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +61,7 @@ def tasks(options: argparse.Namespace) -> list[Task]:
     """A task for the controls of each tree set, one for each learner, tree set and seed; learners that can't run are left out."""
     check_counts(options, seeds=SEEDS_OF_A_TREE_SET, trees=MOST_TREE_SETS, steps=2**62, episodes=2**31)
     if find_spec("gymnasium") is None:
-        raise BadInput("the study of peers needs Gymnasium: pip install -r requirements-study.txt")
+        raise BadInput("the study of peers needs Gymnasium: pip install -r requirements/study.txt")
     from fbql_studies.peers.learners import LEARNERS, NEED_PPO
 
     learners = LEARNERS

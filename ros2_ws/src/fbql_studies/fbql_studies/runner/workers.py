@@ -115,7 +115,7 @@ def run_on_cluster(
     try:
         from distributed import CancelledError, Client, Future, wait  # an optional extra
     except ModuleNotFoundError:
-        raise BadInput("--scheduler needs Dask: pip install -r requirements-study.txt") from None
+        raise BadInput("--scheduler needs Dask: pip install -r requirements/study.txt") from None
     with _without_logs():  # Dask logs tracebacks of what is told here in one line
         try:
             client = Client(scheduler, timeout=_CONNECT_S)

@@ -6,11 +6,10 @@ import os
 from pathlib import Path
 
 import pytest
-from environment import ament_index
-from environment.process import BOOTSTRAPPED, build_environment, process_environment, tool_environment
-from environment.ros2 import real_ros2
-from environment.shell import exports
+from environment.__main__ import exports
+from environment.ros2 import MARKERS, find_executables, find_packages, real_ros2
 from environment.target import Target, target_for
+from environment.variables import BOOTSTRAPPED, build_environment, process_environment, tool_environment
 from places import ROOT
 from setup_target import made_target, packages
 
@@ -32,7 +31,7 @@ def test_the_variables_lead_to_the_environment_and_every_package(made: Target) -
         directory.mkdir(parents=True)
     environ = process_environment(made, {"PATH": "/usr/bin", "PYTHONPATH": "/mine"}, packages())
     prefixes = [str(made.install / "messages"), str(made.install / "node"), str(made.venv)]
-    python_path = [f"{prefix}/lib/python3.12/site-packages" for prefix in prefixes[:2]]
+    python_path = [f"{made.install}/messages/lib/python3.12/site-packages", f"{made.build}/node"]
     assert entries(environ, "PATH") == [f"{made.venv}/bin", "/usr/bin"]
     assert entries(environ, "AMENT_PREFIX_PATH") == entries(environ, "CMAKE_PREFIX_PATH") == prefixes
     assert entries(environ, "PYTHONPATH") == [*python_path, "/mine"]
@@ -45,12 +44,6 @@ def test_the_users_choices_stay_and_discovery_is_local_by_default(made: Target) 
     mine = {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_LOG_DIR": "/logs"}
     assert mine.items() <= process_environment(made, mine, []).items()
     assert process_environment(made, {}, [])["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
-
-
-def test_computing_the_variables_twice_changes_nothing(made: Target, capsys: pytest.CaptureFixture[str]) -> None:
-    once = process_environment(made, {"PATH": "/usr/bin"}, packages())
-    assert process_environment(made, once, packages()) == once
-    assert capsys.readouterr() == ("", "")
 
 
 def test_another_distro_is_taken_out_with_one_warning(made: Target, capsys: pytest.CaptureFixture[str]) -> None:
@@ -75,11 +68,14 @@ def test_another_distro_is_taken_out_with_one_warning(made: Target, capsys: pyte
     assert "rmw_cyclonedds_cpp is ignored" in said.err
 
 
-def test_an_overlay_built_on_our_environment_stays(made: Target, capsys: pytest.CaptureFixture[str]) -> None:
-    ours = process_environment(made, {}, packages())
+def test_computing_the_variables_twice_changes_nothing_and_an_overlay_built_on_our_environment_stays(
+    made: Target, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ours = process_environment(made, {"PATH": "/usr/bin"}, packages())
+    assert process_environment(made, ours, packages()) == ours
     ours["AMENT_PREFIX_PATH"] = "/home/me/ws/install/robot:" + ours["AMENT_PREFIX_PATH"]
     assert "/home/me/ws/install/robot" in entries(process_environment(made, ours, packages()), "AMENT_PREFIX_PATH")
-    assert capsys.readouterr().err == ""
+    assert capsys.readouterr() == ("", "")
 
 
 def test_other_tools_get_nothing_that_changes_what_they_import() -> None:
@@ -115,24 +111,24 @@ def test_a_sourced_jazzy_is_used_with_an_environment_and_a_build_of_its_own(
     ]
     assert entries(environ, "PYTHONPATH")[-1] == str(system.site_packages)
     assert BOOTSTRAPPED not in environ
-    assert target_for(made.root, environ) == system
+    assert target_for(made.root, environ).underlay == system.underlay
 
 
 @pytest.mark.parametrize("change", [{"ROS_DISTRO": "kilted"}, {"ROS_DISTRO": ""}, {"AMENT_PREFIX_PATH": "/nowhere"}])
 def test_anything_less_than_a_jazzy_with_rclpy_means_the_wheels(
     made: Target, jazzy: dict[str, str], change: dict[str, str]
 ) -> None:
-    assert target_for(made.root, {**jazzy, **change}) == made
+    assert target_for(made.root, {**jazzy, **change}).venv == made.venv
 
 
 def test_our_own_environment_is_no_system_jazzy(made: Target) -> None:
     (made.site_packages / "rclpy").mkdir(parents=True)
     environ = {**process_environment(made, {}, packages()), "ROS_DISTRO": "jazzy"}
-    assert target_for(made.root, environ) == made
+    assert target_for(made.root, environ).venv == made.venv
 
 
 def add_executable(prefix: Path, package: str, name: str) -> Path:
-    marker = prefix / ament_index.MARKERS / package
+    marker = prefix / MARKERS / package
     marker.parent.mkdir(parents=True, exist_ok=True)
     marker.touch()
     path = prefix / "lib" / package / name
@@ -146,7 +142,7 @@ def test_the_first_prefix_that_holds_a_package_wins(tmp_path: Path) -> None:
     for prefix in ("overlay", "under"):
         add_executable(tmp_path / prefix, "both", "run")
     add_executable(tmp_path / "under", "one", "run")
-    found = ament_index.packages([tmp_path / "overlay", tmp_path / "missing", tmp_path / "under"])
+    found = find_packages([tmp_path / "overlay", tmp_path / "missing", tmp_path / "under"])
     assert found == {"both": tmp_path / "overlay", "one": tmp_path / "under"}
 
 
@@ -154,7 +150,7 @@ def test_executables_are_the_executable_files_not_in_hidden_places(tmp_path: Pat
     paths = [add_executable(tmp_path, "p", name) for name in ("b", "a", "sub/c")]
     add_executable(tmp_path, "p", ".hidden/d")
     add_executable(tmp_path, "p", "data").chmod(0o644)
-    assert ament_index.executables(tmp_path, "p") == sorted(paths)
+    assert find_executables({"p": tmp_path}, "p") == sorted(paths)
 
 
 def test_our_own_ros2_is_no_real_one(tmp_path: Path) -> None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from .progress import say
-from .target import DISTRO, Target, is_inside, split_path
-from .workspace import Package
+from .target import DISTRO, Package, Target, is_inside, split_path
 
 # Set by the wheels' start-up hook, which otherwise runs every Python a second time to set LD_LIBRARY_PATH.
 BOOTSTRAPPED = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
@@ -17,30 +16,35 @@ OF_A_DISTRO = ("ROS_DISTRO", "ROS_VERSION", "ROS_PYTHON_VERSION", "ROS_PACKAGE_P
 
 
 def process_environment(
-    target: Target, environ: Mapping[str, str], packages: list[Package], warn: Callable[[str], None] = say
+    target: Target, environ: Mapping[str, str], packages: list[Package], *, warns: bool = True
 ) -> dict[str, str]:
     """`environ`, changed so that the workspace's `packages` and what they stand on are found.
 
     The user's choices (domain, discovery range, log directory, ...) stay. Leftovers of another ROS are taken out,
     with a warning, because a message library of another distro crashes rather than fails.
     """
-    result = without_foreign_ros(target, environ, warn)
-    result.pop("PYTHONHOME", None)
-    result.pop(BOOTSTRAPPED, None)
-    installed = [target.install / package.name for package in packages]
-    python_path = [prefix / "lib" / "python3.12" / "site-packages" for prefix in installed]
+    result = without_foreign_ros(target, environ, warns)
+    for name in ("PYTHONHOME", BOOTSTRAPPED):
+        result.pop(name, None)
+    prefixes = [target.install / package.name for package in packages]
+    python = [
+        target.install / package.name / "lib/python3.12/site-packages"
+        if package.is_compiled
+        else target.build / package.name
+        for package in packages
+    ]
     libraries = [target.install / package.name / "lib" for package in packages if package.is_compiled]
     if target.underlay:
         # The executables' shebang may be the system's python3: give it the packages of our environment as well.
         append(result, "PYTHONPATH", [target.site_packages])
     else:
         libraries += [target.venv / "lib", *sorted(target.site_packages.glob("ros_*.libs"))]
-        installed.append(target.venv)
+        prefixes.append(target.venv)
         result[BOOTSTRAPPED] = "1"
     prepend(result, "PATH", [target.venv / "bin"])
-    prepend(result, "AMENT_PREFIX_PATH", installed)
-    prepend(result, "CMAKE_PREFIX_PATH", installed)
-    prepend(result, "PYTHONPATH", python_path)
+    prepend(result, "AMENT_PREFIX_PATH", prefixes)
+    prepend(result, "CMAKE_PREFIX_PATH", prefixes)
+    prepend(result, "PYTHONPATH", python)
     prepend(result, "LD_LIBRARY_PATH", libraries)
     result["VIRTUAL_ENV"] = str(target.venv)
     result["FBQL_CHECKOUT"] = str(target.root)
@@ -51,10 +55,11 @@ def process_environment(
 
 def build_environment(target: Target, environ: Mapping[str, str]) -> dict[str, str]:
     """The variables colcon runs with: as a process of ours, with no built package in sight, and with bytecode."""
-    result = process_environment(target, environ, [], warn=lambda _: None)  # the start warns
+    result = process_environment(target, environ, [], warns=False)
     result.pop("PYTHONDONTWRITEBYTECODE", None)
     if not target.underlay:
         result.pop("PYTHONPATH", None)
+    result["COLCON_HOME"] = str(target.state / "colcon")  # the user's colcon defaults are for other work
     return result
 
 
@@ -64,7 +69,7 @@ def tool_environment(environ: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in environ.items() if name not in dropped}
 
 
-def without_foreign_ros(target: Target, environ: Mapping[str, str], warn: Callable[[str], None]) -> dict[str, str]:
+def without_foreign_ros(target: Target, environ: Mapping[str, str], warns: bool) -> dict[str, str]:
     """A copy of `environ` without the traces of a ROS that is not the target's; warns of what it takes out.
 
     An overlay that was built on our own environment (ours is on AMENT_PREFIX_PATH then) stays.
@@ -77,23 +82,21 @@ def without_foreign_ros(target: Target, environ: Mapping[str, str], warn: Callab
         result.pop(name, None)
     prefixes += split_path(environ.get("COLCON_PREFIX_PATH"))
     foreign = [prefix for prefix in prefixes if not is_inside(prefix, target.root)]
+    roots = {*foreign, Path("/opt/ros")}
     for name in SEARCH_PATHS:
-        kept = [entry for entry in split_path(result.get(name)) if not is_foreign(entry, foreign)]
-        set_path(result, name, kept)
-    distro = environ.get("ROS_DISTRO")
-    if foreign:
-        sourced = f"ROS 2 {distro} is sourced" if distro and distro != DISTRO else f"{foreign[0]} is sourced"
-        warn(f"{sourced}, which is not the system Jazzy that could be used: it is ignored, for the Jazzy wheels")
-    if result.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp") != "rmw_fastrtps_cpp":
-        warn(
-            f"RMW_IMPLEMENTATION={result.pop('RMW_IMPLEMENTATION')} is ignored: the wheels hold rmw_fastrtps_cpp alone"
+        set_path(
+            result, name, [each for each in split_path(result.get(name)) if roots.isdisjoint((each, *each.parents))]
         )
+    rmw = result.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
+    if rmw != "rmw_fastrtps_cpp":
+        del result["RMW_IMPLEMENTATION"]
+    if foreign and warns:
+        distro = environ.get("ROS_DISTRO")
+        what = f"ROS 2 {distro}" if distro and distro != DISTRO else foreign[0]
+        say(f"{what} is sourced, which is not the system Jazzy that could be used: it is ignored, for the Jazzy wheels")
+    if rmw != "rmw_fastrtps_cpp" and warns:
+        say(f"RMW_IMPLEMENTATION={rmw} is ignored: the wheels hold rmw_fastrtps_cpp alone")
     return result
-
-
-def is_foreign(entry: Path, prefixes: list[Path]) -> bool:
-    """Whether a search path entry belongs to one of the prefixes, or to any ROS in its usual place."""
-    return any(root in (entry, *entry.parents) for root in (*prefixes, Path("/opt/ros")))
 
 
 def prepend(environ: dict[str, str], name: str, entries: list[Path]) -> None:
