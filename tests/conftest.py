@@ -35,7 +35,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 MAX_WORKERS = 8
 """A worker may run a graph of five processes."""
-SLOW_FIRST = ("environment", "fbql_studies", "examples", "fbql", "fbql_common", "fbql_sim")
+SLOW_FIRST = ("environment", "fbql_studies", "project", "examples", "fbql", "fbql_common", "fbql_sim")
 """Folders of long tests with processes; the short ones come last and fill the gaps of the workers."""
 
 
