@@ -5,7 +5,6 @@ import signal
 from concurrent.futures import ThreadPoolExecutor
 from time import monotonic
 
-import pytest
 from fbql_common.core.types import World
 from fbql_common.spin import BAD_INPUT, DONE
 from fbql_common.topics import WORLD
