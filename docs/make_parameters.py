@@ -32,8 +32,9 @@ another type and a value out of its range are each refused in one line, with exi
 - A node takes them as ROS parameters: `--ros-args -p NAME:=VALUE`, or `--ros-args --params-file FILE`. There a decimal
   number needs its point: `0.0`, not `0`.
 - `scripts/bringup.py` and `scripts/train.py` have options for the common ones. Their `--set NAME=VALUE` reaches every
-  parameter of the two tables *The world* and *Fusion and learning*; lists are written with commas.
-- Every parameter that was in force stands in the `config.yaml` of a run directory.
+  parameter of the two tables *The world* and *Fusion and learning*; lists are written with commas. One that the chosen
+  controller does not use is reported in one line.
+- Every parameter in force is in the `config.yaml` of a run directory.
 """
 
 
@@ -53,12 +54,11 @@ SECTIONS = (
         "Nodes `ball_seeking`, `wall_avoiding`, `approaching` and `behavior`.",
         BehaviorNodeParameters,
     ),
-    Section(
-        "The fusion node", "Node `fusion`: files, and what to do when something does not come.", FusionNodeParameters
-    ),
+    Section("The fusion node", "Node `fusion`: files, and what to do when an input is missing.", FusionNodeParameters),
     Section(
         "Fusion and learning",
-        "Node `fusion`. [deviations.md](deviations.md) says which of these the paper leaves open.",
+        "Node `fusion`. [deviations.md](deviations.md) lists which of these the paper leaves open. A controller of your own "
+        "may have further ones.",
         FusionParameters,
     ),
     Section(
@@ -80,12 +80,18 @@ def page() -> str:
 def _section(section: Section) -> str:
     names = limits_of(section.declaration)
     kinds, defaults = types_of(section.declaration), defaults_of(section.declaration)
-    rows = [
-        f"| `{name}` | {_KINDS[kinds[name]]} | {_value(defaults[name])} | {_range(kinds[name], limits)} | {_cell(limits.description)} |\n"
-        for name, limits in names.items()
-    ]
-    head = "| name | type | default | may be | meaning |\n|---|---|---|---|---|\n"
-    return f"\n## {section.title}\n\n{section.text} Declared in `{_place(section)}`.\n\n{head}{''.join(rows)}"
+    columns = ["name", "type", "default", "may be", "meaning"]
+    has_owners = any(limits.owners for limits in names.values())
+    if has_owners:
+        columns.insert(4, "used by")
+    lines = [columns, ["---"] * len(columns)]
+    for name, limits in names.items():
+        cells = [f"`{name}`", _KINDS[kinds[name]], _value(defaults[name]), _range(kinds[name], limits)]
+        owners = [", ".join(f"`{owner}`" for owner in limits.owners) or "all"] if has_owners else []
+        lines.append([*cells, *owners, _cell(limits.description)])
+    head, ruler, *rows = ["| " + " | ".join(line) + " |\n" for line in lines]
+    table = head + ruler.replace(" ", "") + "".join(rows)
+    return f"\n## {section.title}\n\n{section.text} Declared in `{_place(section)}`.\n\n{table}"
 
 
 def _place(section: Section) -> str:

@@ -18,9 +18,12 @@ from fbql_behaviors.core.induction import InductionParameters
 from fbql_behaviors.core.instructors import Habits
 from fbql_behaviors.core.leaf_tuning import TuningParameters
 from fbql_behaviors.core.recipes import Recipe
+from fbql_fusion.core.controllers.parameters import SessionParameters
+from fbql_fusion.core.guides.subsumption import PRESETS, SubsumptionParameters
+from fbql_fusion.core.learners.literal.parameters import LiteralParameters
+from fbql_fusion.core.learners.parameters import FeatureParameters
 from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
 from fbql_fusion.core.learners.value.parameters import FbqlValueParameters
-from fbql_fusion.core.parameters import PRESETS, FusionParameters
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_sim.core.parameters import SimulationParameters
 from places import ROOT
@@ -49,12 +52,15 @@ DECLARATIONS = {
     for declaration in (
         FbqlParameters,
         FbqlValueParameters,
+        FeatureParameters,
         FusionNodeParameters,
-        FusionParameters,
         Habits,
         InductionParameters,
+        LiteralParameters,
         Recipe,
+        SessionParameters,
         SimulationParameters,
+        SubsumptionParameters,
         TuningParameters,
     )
 }

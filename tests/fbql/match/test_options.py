@@ -113,7 +113,7 @@ def test_a_parameter_that_the_shipped_policy_does_not_fit_names_it_and_the_way_o
     with pytest.raises(BadInput) as refused:
         parts_of(match("--set", "fbql_world_tilings=0"))
     assert str(refused.value).startswith(f"{shipped_policy()}: the policy was learned with fbql_world_tilings 4")
-    assert str(refused.value).endswith("--policy none starts without")
+    assert str(refused.value).endswith("--policy none starts untrained")
     without = match("--set", "fbql_world_tilings=0", "--policy", "none")
     assert parts_of(without).session.next_episode() is not None
 
@@ -130,6 +130,6 @@ def test_a_parameter_that_the_shipped_policy_does_not_fit_names_it_and_the_way_o
     ],
 )
 def test_a_setting_that_is_none_says_what_is_meant(setting: str, says: str) -> None:
-    with pytest.raises(BadInput, match="^--set ") as refused:
+    with pytest.raises(BadInput, match=r"^--set ") as refused:
         match("--set", setting)
     assert says in str(refused.value)

@@ -19,7 +19,7 @@ class FbqlLiteral:
     """FBQL as the paper prints it: eqs. 5 and 6 at every step, with bounds and a tie rule as parameters.
 
     It can't learn from sparse rewards: where the Q of a state are equal, a transition with r = 0 keeps them equal
-    (tests/fbql_fusion/core/test_equations.py proves it), so the tie rule decides nearly everything.
+    (tests/fbql_fusion/core/learners/literal/test_equations.py proves it), so the tie rule decides nearly everything.
     """
 
     kind = "fbql_literal"

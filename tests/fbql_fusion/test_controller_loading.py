@@ -1,0 +1,208 @@
+"""Controllers of a user's own: found by file or entry point, with their parameters, and every fault of theirs is one line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fbql_common import own_code
+from fbql_common.core.errors import BadInput
+from fbql_common.core.parameters import from_mapping, limits_of, parameter
+from fbql_fusion.controller_loading import know_controller
+from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters, without_part
+from fbql_fusion.core.registry import fusion_parameters, learns, make_controller, register_controller
+from fbql_fusion.core.session import Session
+from own_controller import bandit, only_ours
+from two_sides import BEHAVIORS, parameters, play
+
+
+@pytest.fixture(autouse=True)
+def clean() -> Iterator[None]:
+    """No test leaves a controller behind."""
+    with only_ours():
+        yield
+
+
+def written(directory: Path, text: str, name: str = "own.py") -> Path:
+    path = directory / name
+    path.write_text(text)
+    return path
+
+
+def values(**changes: Any) -> dict[str, Any]:
+    return {**asdict(parameters()), "controller": "Bandit", **changes}
+
+
+def test_a_controller_of_a_file_plays_learns_and_takes_its_own_parameters(tmp_path: Path) -> None:
+    known = know_controller(bandit(tmp_path))
+    assert known == ("Bandit", f"{tmp_path / 'bandit.py'}:Bandit")
+    given = from_mapping(fusion_parameters(), values(bandit_rate=0.5), "here")
+    assert learns(given)
+    session = Session(given)
+    play(session, 12)
+    policy = session.policy()
+    assert policy is not None
+    assert policy.kind == "Bandit"
+    assert policy.arrays["values"].any()
+    slow = Session(from_mapping(fusion_parameters(), values(bandit_rate=0.001), "here"))
+    play(slow, 12)
+    slower = slow.policy()
+    assert slower is not None
+    assert np.abs(slower.arrays["values"]).max() < np.abs(policy.arrays["values"]).max()
+    frozen = Session(from_mapping(fusion_parameters(), values(learn=False), "here"), policy)
+    play(frozen, 3)
+    again = frozen.policy()
+    assert again is not None
+    assert np.array_equal(again.arrays["values"], policy.arrays["values"])
+
+
+def test_the_same_seed_plays_the_same(tmp_path: Path) -> None:
+    know_controller(bandit(tmp_path))
+    digests: list[str] = []
+    for seed in (1, 1, 2):
+        session = Session(from_mapping(fusion_parameters(), values(seed=seed, bandit_random=1.0), "here"))
+        play(session, 4)
+        digests.append(session.digest)
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_a_file_with_one_controller_needs_no_name(tmp_path: Path) -> None:
+    assert know_controller(bandit(tmp_path).removesuffix(":Bandit")).name == "Bandit"
+
+
+def test_own_parameters_are_checked_and_belong_to_it_alone(tmp_path: Path) -> None:
+    know_controller(bandit(tmp_path))
+    with pytest.raises(BadInput, match=r"'bandit_rate' is 2\.0, outside of"):
+        from_mapping(fusion_parameters(), values(bandit_rate=2.0), "here")
+    assert limits_of(fusion_parameters())["bandit_rate"].owners == ("Bandit",)
+    own = from_mapping(fusion_parameters(), values(), "here")
+    assert list(without_part(own, ["bandit_rate", "fbql_rate"], guided=False)) == [
+        "fbql_rate plays no part: it belongs to fbql, and the controller is Bandit"
+    ]
+    assert list(without_part(replace(own, controller="uniform"), ["bandit_rate"], guided=False)) == [
+        "bandit_rate plays no part: it belongs to Bandit, and the controller is uniform"
+    ]
+
+
+def test_a_function_registered_from_python_gets_all_parameters() -> None:
+    seen: list[Any] = []
+
+    class Last:
+        def begin_episode(self, phase: Any) -> None: ...
+
+        def select(self, world: Any, joint_state: Any, outputs: Any) -> Any:
+            return (0.0, 1.0), 1, (), ()
+
+    def make(given: Any, generator: np.random.Generator) -> Last:
+        seen.append((given, generator))
+        return Last()
+
+    register_controller("last", make)
+    session = Session(replace(parameters(), controller="last"))
+    decisions = play(session, 1)
+    assert {decision.driver for decision in decisions} == {1}
+    assert session.policy() is None
+    assert isinstance(seen[0][0], FusionParameters)
+    assert isinstance(seen[0][1], np.random.Generator)
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "reason"),
+    [
+        (
+            "class A:\n    def select(self): ...\nclass B(A): ...\n",
+            "",
+            "which controller? write own.py:NAME; it has: A, B",
+        ),
+        ("x = 1\n", "", "it has no class with a method 'select'"),
+        ("x = 1\n", ":Nobody", "there is no 'Nobody' in it"),
+        ("x = 1\n", ":x", "controller 'x': a int is not a class or a function"),
+        ("1 / 0\n", ":x", "ZeroDivisionError in line 1: division by zero"),
+        ("def f(:\n", ":f", "SyntaxError in line 1"),
+        ("class fbql: ...\n", ":fbql", "this package has a controller of that name"),
+        ("class A:\n    Parameters = 3\n", ":A", "its Parameters must be a dataclass"),
+        (
+            "from dataclasses import dataclass\nclass A:\n    @dataclass\n    class Parameters:\n        a: int = 1\n",
+            ":A",
+            "declare its parameter 'a' with parameter(...)",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_one_line(tmp_path: Path, text: str, name: str, reason: str) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises(BadInput) as refused:
+        know_controller(f"{path}{name}")
+    assert str(refused.value).startswith(f"{path}: ")
+    assert reason in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("class A: ...\n", "A() takes no arguments"),
+        ("class A:\n    def __init__(self, p, g): ...\n", "a A has no method 'begin_episode'"),
+        (
+            "class A:\n    def __init__(self, p, g): ...\n    def begin_episode(self, phase): ...\n"
+            "    def select(self, *_): ...\n    def learn(self, t): ...\n",
+            "has no method 'to_arrays'; one that learns has learn, to_arrays, load_arrays",
+        ),
+        ("return 1 / 0", "ZeroDivisionError in line 4: division by zero"),
+        ("return 5", "'select' gives a int; expected (weights, driver, q, learned weights)"),
+        ("return (1.0, 0.0), 7, (), ()", "'select' gives driver 7; expected the index of a behavior"),
+        ("return (1.0,), 0, (), ()", "'select' gives weights (1.0,); expected 2 numbers"),
+        ("return (1.0, 0.0), 0, (1.0,), ()", "'select' gives q (1.0,); expected 2 numbers or none"),
+        ("return (1.0, 'b'), 0, (), ()", "'select' gives weights (1.0, 'b')"),
+        ("return None, 0, (), ()", "'select' gives weights that are a NoneType"),
+    ],
+)
+def test_what_is_wrong_with_a_controller_is_one_line(tmp_path: Path, text: str, reason: str) -> None:
+    if text.startswith("return"):
+        text = (
+            "class A:\n    def __init__(self, p, g): ...\n    def select(self, world, joint_state, outputs):\n"
+            f"        {text}\n    def begin_episode(self, phase): ...\n"
+        )
+    know_controller(f"{written(tmp_path, text)}:A")
+    with pytest.raises(BadInput) as refused:
+        play(Session(replace(parameters(), controller="A")), 1)
+    assert reason in str(refused.value)
+    assert str(refused.value).startswith("controller 'A': ")
+    assert "\n" not in str(refused.value)
+
+
+def test_a_parameter_that_is_there_already_is_refused() -> None:
+    @dataclass(frozen=True)
+    class Clash:
+        fbql_rate: float = parameter(0.7, "another meaning", low=0.0)
+
+    with pytest.raises(BadInput, match="controller 'mine': fusion has a parameter 'fbql_rate' already"):
+        register_controller("mine", lambda *_: None, Clash)
+
+
+def test_an_installed_controller_is_found_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bandit(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    entries = [EntryPoint("bandit", "bandit:Bandit", "fbql.controllers")]
+    monkeypatch.setattr(own_code, "entry_points", lambda group, name: [x for x in entries if x.name == name])
+    assert know_controller("bandit") == ("bandit", "")
+    assert make_controller(from_mapping(fusion_parameters(), values(controller="bandit"), "here")) is not None
+    entries.append(EntryPoint("other", "nowhere:Bandit", "fbql.controllers"))
+    with pytest.raises(BadInput, match=r"entry point fbql.controllers: other = nowhere:Bandit: ModuleNotFoundError"):
+        know_controller("other")
+    entries.append(EntryPoint("other", "elsewhere:Bandit", "fbql.controllers"))
+    with pytest.raises(BadInput, match="controller 'other' is installed twice"):
+        know_controller("other")
+
+
+def test_an_unknown_controller_names_those_that_are_known() -> None:
+    with pytest.raises(
+        BadInput, match=r"unknown controller 'magic'; choose one of: fbql, .*; one of your own is FILE.py:NAME"
+    ):
+        know_controller("magic")
+    assert "magic" not in CONTROLLERS
+    assert len(BEHAVIORS) == 2
