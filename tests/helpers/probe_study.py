@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from fbql.statistics.tables import Row, Table
 from fbql_common.core.errors import BadInput
-from fbql_studies.runner.study import Result, Task
+from fbql_studies.runner.study import Result, StudyTask
 
 DESCRIPTION = "a study for tests"
 CAPTIONS = {"figure": "a figure"}
@@ -31,12 +31,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--place", default="")
 
 
-def tasks(options: argparse.Namespace) -> list[Task]:
+def tasks(options: argparse.Namespace) -> list[StudyTask]:
     """The tasks that draw, then the others."""
     if options.seeds < 0:
         raise BadInput(f"--seeds is {options.seeds}")
     names = [*(f"draw{seed}" for seed in range(options.seeds)), *options.others]
-    return [Task(name, {"name": name, "place": options.place}) for name in names]
+    return [StudyTask(name, {"name": name, "place": options.place}) for name in names]
 
 
 def run(parameters: dict[str, Any]) -> Result:

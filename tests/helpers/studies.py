@@ -13,12 +13,12 @@ from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_studies.common import training, tuning
 from fbql_studies.common.methods import BEHAVIORS
-from fbql_studies.runner.study import Task
+from fbql_studies.runner.study import StudyTask
 
 FEW_DEMONSTRATIONS = {name: replace(recipe, demonstrations=12, steps=20) for name, recipe in RECIPES.items()}
 
 
-def tasks_of(study: ModuleType, *arguments: str) -> list[Task]:
+def tasks_of(study: ModuleType, *arguments: str) -> list[StudyTask]:
     """The tasks of a study with these options."""
     parser = ArgumentParser()
     study.add_options(parser)

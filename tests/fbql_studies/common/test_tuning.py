@@ -7,7 +7,7 @@ from fbql_fusion.core.parameters import FusionParameters
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from fbql_studies.common import tuning
-from fbql_studies.common.play import frozen
+from fbql_studies.common.play import Score, frozen
 from fbql_studies.runner.study import Result
 from studies import shipped
 
@@ -34,7 +34,7 @@ def test_the_constant_blend_is_the_cheapest_of_the_grid_on_the_tuning_seed(monke
     def played(weights: tuple[float, ...], _behaviors: object, _loop: object, seed: int, episodes: int) -> Result:
         asked.add((seed, episodes))
         steps, goals = costs.get(weights, (1000, 1))
-        return {"steps": steps, "goals": goals}
+        return {**dict.fromkeys(Score._fields, 0), "steps": steps, "goals": goals}
 
     monkeypatch.setattr("fbql_studies.common.tuning.blend_played", played)
     assert tuning.best_blend(shipped(), WorldLoop()) == (0.4, 0.2, 0.4)

@@ -45,6 +45,7 @@ TINY = (*SMALL, "--episodes", "4", "--evaluate", "2")
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     make_short(monkeypatch)
+    monkeypatch.setattr("fbql_studies.ladder.weight_maps.SPACING_M", 0.4)
 
 
 @pytest.mark.parametrize("study", STUDIES)
@@ -176,7 +177,7 @@ def test_a_rung_is_missed_where_one_measure_is(
 def test_weight_maps_hold_the_weights_of_every_place_and_of_nothing_learned_equal_ones(
     learner: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fbql_studies.ladder.weight_maps.SPACING_M", 0.3)
+    monkeypatch.setattr("fbql_studies.ladder.weight_maps.SPACING_M", 0.4)
     fusion = training_of(5, 6, learner, guided=8)
     trained = train(fusion, shipped(), WorldLoop(SimulationParameters(max_steps=1000)))
     maps = weight_maps(fusion, trained.policy, shipped())

@@ -26,7 +26,7 @@ from places import ROOT
 PROBE = ("probe", "probe_study")
 LAUNCH = (
     f"import sys; from fbql_studies.runner.study import STUDIES; STUDIES.update([{PROBE!r}]); "
-    "from fbql.cli.app import run; sys.exit(run('experiment', sys.argv[1:]))"
+    "from fbql.cli.app import run; sys.exit(run('experiment', sys.argv[1:], 'experiment.py'))"
 )
 
 
@@ -153,7 +153,7 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(tmp_path: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 1
-    assert errors.splitlines()[-1] == "experiment.py: stopped; the same command goes on from here"
+    assert errors.splitlines()[-1] == "experiment.py: stopped; the same command resumes from here"
     assert not is_running(int((tmp_path / "waits").read_text()))
 
 
@@ -177,10 +177,10 @@ def test_a_second_run_into_a_directory_is_refused_while_the_first_goes_on(
     [
         ({"options": {"seeds": 1, "others": ["wait"]}}, "holds this study with --others ['wait'], not --others [];"),
         ({"options": {"seeds": 1, "goals": 5}}, "holds this study with --goals 5, not no --goals;"),
-        ({"else": 1}, "holds a config.json that is no study's;"),
+        ({"else": 1}, "holds a config.json that is not a study's;"),
         ({"study": "trees"}, "holds the study trees, not probe;"),
         ({"options": {"seeds": 2, "max_steps": 7}}, "holds this study with --max-steps 7, not no --max-steps;"),
-        ([], "holds a config.json that is no study's;"),
+        ([], "holds a config.json that is not a study's;"),
     ],
 )
 def test_a_directory_of_another_study_or_other_options_is_refused(
@@ -296,7 +296,7 @@ def test_a_directory_with_other_files_is_refused_and_left_as_it_is(
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "notes.txt").touch()
     assert main(arguments(tmp_path)) == 2
-    assert "no study's directory, but notes.txt is in it; choose a new one" in capsys.readouterr().err
+    assert "not a study's directory: it contains notes.txt; choose a new one" in capsys.readouterr().err
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["notes.txt"]
 
 
@@ -343,7 +343,7 @@ def test_the_revisions_that_did_the_tasks_are_told_and_not_the_one_that_tells(
     assert told("one", "--others", "raise")[0] == "one"
     revision, said = told("two", "--others", "raise")
     assert revision == "one", "it did nothing that lasts"
-    assert "note: by another revision of the project" in said
+    assert "note: they were done by another revision of the project" in said
     (tmp_path / "out" / "tasks" / "draw0.json").unlink()
     assert told("two", "--others", "raise")[0] == "one, two"
     (tmp_path / "out" / "tasks" / "draw0.json").unlink()
@@ -439,7 +439,7 @@ def test_a_cluster_that_ends_ends_the_study_in_one_line_and_it_goes_on_without(t
         processes[0].kill()
         _, said = process.communicate(timeout=120)
     assert process.returncode == 2, said
-    assert f"--scheduler {address}: it ended; the same command goes on from here" in said
+    assert f"--scheduler {address}: it ended; the same command resumes from here" in said
     assert "Traceback" not in said
     (tmp_path / "gate").touch()
     assert main(arguments(tmp_path, "--seeds", "1", "--others", "wait")) == 0

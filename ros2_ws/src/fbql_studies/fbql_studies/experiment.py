@@ -1,4 +1,4 @@
-"""Runs a study over seeds, side by side on all cores or on a cluster; goes on where an earlier run was stopped."""
+"""Run a study over many seeds, in parallel on all cores or on a cluster. It resumes where an earlier run was stopped."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ from fbql_common.core.errors import BadInput
 from fbql_recording.run_directory import git_revision
 
 from fbql_studies.runner.store import Store
-from fbql_studies.runner.study import STUDIES, Task, study_of
+from fbql_studies.runner.study import STUDIES, StudyTask, study_of
 from fbql_studies.runner.workers import TaskEnd, run_locally, run_on_cluster
 
-_COMMON = ("study", "jobs", "out", "scheduler", "json")
+_RUNNER_OPTIONS = ("study", "jobs", "out", "scheduler", "json")
 
 
 def run(options: Any, interrupts: Interrupts) -> int:
-    """Runs what of the study is not done yet, and tells all of it. Gives 0, or 1 where a task failed."""
+    """Runs the tasks that are not done yet, and reports the whole study. Returns 0, or 1 where a task failed."""
     if options.jobs < 1:
         raise BadInput(f"--jobs is {options.jobs}; it must be 1 or more")
     study = study_of(options.study)
     tasks = study.tasks(options)
     out = (options.out or RUNS / f"study-{options.study}").absolute()
-    own = {name: value for name, value in vars(options).items() if name not in _COMMON}
+    own = {name: value for name, value in vars(options).items() if name not in _RUNNER_OPTIONS}
     with Store(out, {"study": options.study, "options": json.loads(json.dumps(own, default=str))}) as store:
         _run(options, store, tasks, interrupts)
         results = {task.key: result for task in tasks if (result := store.result_of(task.key)) is not None}
         if interrupts.came and len(results) < len(tasks):
-            raise Interrupted("stopped; the same command goes on from here")
+            raise Interrupted("stopped; the same command resumes from here")
         failed = {task.key: store.failure_of(task.key) for task in tasks if task.key not in results}
         table = study.table(results)
-        told = study.words(table)
+        shown = study.words(table)
         summary = {
             "study": options.study,
             "table": table,
@@ -55,10 +55,10 @@ def run(options: Any, interrupts: Interrupts) -> int:
         }
         text = json.dumps(summary, default=str, allow_nan=False)
         write_atomically(out / "table.json", f"{text}\n".encode())
-        page = "\n\n".join(f"{title}\n\n{as_markdown(each)}" for title, each in told.items())
+        page = "\n\n".join(f"{title}\n\n{as_markdown(each)}" for title, each in shown.items())
         write_atomically(out / "tables.md", f"{page}\n".encode())
         files = study.figures(results, out)
-    print(text if options.json else _worded(summary, told, files))
+    print(text if options.json else _as_text(summary, shown, files))
     return FAILED if failed else DONE
 
 
@@ -76,21 +76,20 @@ def parser(program: str) -> Parser:
         own.add_argument(
             "--scheduler",
             metavar="ADDRESS",
-            help="run on the Dask cluster of this scheduler instead (docs/studies.md says how to start one: scheduler and "
-            "workers need this project's environment)",
+            help="run on the Dask cluster of this scheduler instead (docs/studies.md describes how to start one; scheduler "
+            "and workers need this project installed)",
         )
         own.add_argument(
             "--out",
             type=Path,
             metavar="DIR",
-            help=f"directory of the results (runs/study-{name}); one with fewer seeds or trees goes on from there",
+            help=f"directory of the results (runs/study-{name}); one with fewer seeds or trees is extended",
         )
         own.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
     return result
 
 
-def _run(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrupts) -> None:
-    """Runs what is not done yet."""
+def _run(options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Interrupts) -> None:
     waiting = [task for task in tasks if store.result_of(task.key) is None]
     done = len(tasks) - len(waiting)
     if done:
@@ -101,9 +100,12 @@ def _run(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrup
     if done and not store.revisions():
         store.add_revision("unknown")
     if done and store.revisions() != [revision]:
-        print("note: by another revision of the project; a new directory does all of them anew", file=sys.stderr)
+        print(
+            "note: they were done by another revision of the project; choose another --out to run all tasks again",
+            file=sys.stderr,
+        )
     begun_s = monotonic()
-    for count, ended in enumerate(_ended(options, store, waiting, interrupts), start=1):
+    for count, ended in enumerate(_task_ends(options, store, waiting, interrupts), start=1):
         left_s = (monotonic() - begun_s) / count * (len(waiting) - count)
         if not ended.failure:
             store.add_revision(revision)
@@ -111,7 +113,7 @@ def _run(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrup
         print(f"[{done + count}/{len(tasks)}] {ended.key} {state}", file=sys.stderr, flush=True)
 
 
-def _ended(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interrupts) -> Iterator[TaskEnd]:
+def _task_ends(options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Interrupts) -> Iterator[TaskEnd]:
     def stopped() -> bool:
         return interrupts.came != 0
 
@@ -121,8 +123,8 @@ def _ended(options: Any, store: Store, tasks: Sequence[Task], interrupts: Interr
     return run_locally(module, tasks, store, options.jobs, stopped)
 
 
-def _worded(summary: Mapping[str, Any], told: Mapping[str, Table], figures: Sequence[Path]) -> str:
-    lines = [f"{title}\n\n{as_text(each)}\n" for title, each in told.items() if each.body] or ["no results"]
+def _as_text(summary: Mapping[str, Any], shown: Mapping[str, Table], figures: Sequence[Path]) -> str:
+    lines = [f"{title}\n\n{as_text(each)}\n" for title, each in shown.items() if each.body] or ["no results"]
     lines += [f"{summary['done']} of {summary['tasks']} tasks; results in {summary['out']}: tables.md and table.json"]
     lines += [f"FAILED {key}: {reason}" for key, reason in summary["failed"].items()]
     lines += [f"figure {file}" for file in figures if file.suffix == ".svg"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import groupby
 from math import isfinite
 from shutil import get_terminal_size
@@ -19,6 +19,11 @@ class Table(NamedTuple):
 
     head: Sequence[str]
     body: Sequence[Sequence[str]]
+
+
+def tabulate(rows: Iterable[Row], columns: Mapping[str, Callable[[Row], str]]) -> Table:
+    """A table with a line for each row; `columns` maps each column's head to what writes its cells."""
+    return Table(list(columns), [[write(row) for write in columns.values()] for row in rows])
 
 
 def as_markdown(table: Table) -> str:

@@ -13,16 +13,18 @@ from fbql_studies.common.methods import CONSTANT, LAW, PAPER, RETUNED, TUNED, UN
 from fbql_studies.common.play import frozen, law_played
 from fbql_studies.common.training import Seeds
 from fbql_studies.common.tuning import best_blend, blend_played, retuned
-from fbql_studies.runner.study import Parameters, Result, Task
+from fbql_studies.runner.study import Parameters, Result, StudyTask
 
 
-def control_tasks(seeds: Seeds, tree_sets: int, count: int, given: Parameters) -> list[Task]:
+def control_tasks(seeds: Seeds, tree_sets: int, count: int, given: Parameters) -> list[StudyTask]:
     """A task for each tree set: the controls are tuned once and judged on the episodes of every training.
 
     The number of trainings is a part of the key, because the task plays the episodes of all of them.
     """
     return [
-        Task(f"controls-trees{seeds.tree(k)}-seeds{count}", {"part": "controls", "set": k, "seeds": count, **given})
+        StudyTask(
+            f"controls-trees{seeds.tree(k)}-seeds{count}", {"part": "controls", "set": k, "seeds": count, **given}
+        )
         for k in range(tree_sets)
     ]
 

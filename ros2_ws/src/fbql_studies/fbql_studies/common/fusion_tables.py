@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from fbql.cli.words import share_text
-from fbql.statistics.tables import Row, Table, between, number
+from fbql.statistics.tables import Row, Table, between, number, tabulate
 
 
 def _control_columns(name: str, control: str) -> dict[str, str]:
@@ -65,25 +66,21 @@ def methods_table(rows: Sequence[Row], controls: Mapping[str, str]) -> Table:
     Args:
         controls: short name of a control in the rows' columns -> how it is called in the head.
     """
-    head = ["method", "runs", "goals / episodes", "own goals", "timeouts", "success rate", "cost/goal (95 %)",
-            "steps of a success", "collisions, contact steps / goal"]  # fmt: skip
-    body = [
-        [
-            row["method"],
-            str(row["runs"]),
-            f"{row['goals']} / {row['episodes']}" if "episodes" in row else str(row["goals"]),
-            str(row["own_goals"]),
-            str(row["timeouts"]),
-            share(row["success_rate"]),
-            cost(row),
-            number(row["steps_per_success"], ".0f"),
-            f"{number(row['collisions_begun_per_goal'], '.1f')}, {number(row['collision_steps_per_goal'], '.0f')}",
-            *(compared(row, name) for name in controls),
-        ]
-        for row in rows
-        if "method" in row
-    ]
-    return Table([*head, *(f"to {label}" for label in controls.values())], body)
+    columns: dict[str, Callable[[Row], str]] = {
+        "method": lambda row: row["method"],
+        "runs": lambda row: str(row["runs"]),
+        "goals / episodes": lambda row: f"{row['goals']} / {row['episodes']}",
+        "own goals": lambda row: str(row["own_goals"]),
+        "timeouts": lambda row: str(row["timeouts"]),
+        "success rate": lambda row: share(row["success_rate"]),
+        "cost/goal (95 %)": cost,
+        "steps of a success": lambda row: number(row["steps_per_success"], ".0f"),
+        "collisions, contact steps / goal": lambda row: (
+            f"{number(row['collisions_begun_per_goal'], '.1f')}, {number(row['collision_steps_per_goal'], '.0f')}"
+        ),
+    }
+    columns |= {f"to {label}": partial(compared, name=name) for name, label in controls.items()}
+    return tabulate((row for row in rows if "method" in row), columns)
 
 
 def cost(row: Row) -> str:

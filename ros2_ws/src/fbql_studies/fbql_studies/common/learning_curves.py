@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,30 @@ from fbql.statistics.inference import Resamples
 from fbql.statistics.runs import Runs, ratio
 from numpy.typing import NDArray
 
+from fbql_studies.runner.study import MEASURED, Result
+
 Trainings = Mapping[tuple[int, int], Mapping[str, Any]]
 """(tree seed, seed) -> result with `curve` and `size`, as `training.train` returns them."""
 _DIGITS = 4
+
+
+def trainings_by(
+    results: Mapping[str, Result], name_of: Callable[[Result], str | None], names: Iterable[str]
+) -> dict[str, Trainings]:
+    """Name -> its trainings in the order of tree sets and seeds; a name without one is left out."""
+    found: dict[str, dict[tuple[int, int], Result]] = {name: {} for name in names}
+    for result in results.values():
+        if (name := name_of(result)) in found:
+            run = result["runs"][0]
+            found[name][run["tree_seed"], run["seed"]] = result
+    return {name: dict(sorted(trained.items())) for name, trained in found.items() if trained}
+
+
+def mean_sizes(trained: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Means over trainings: sizes, and the seconds that a training took."""
+    names = ("features", "bytes", "joint_states", "leaf_product")
+    means = {name: sum(each["size"][name] for each in trained) / len(trained) for name in names}
+    return {**means, "training_s": sum(each[MEASURED]["training_s"] for each in trained) / len(trained)}
 
 
 def learning(by_name: Mapping[str, Trainings], controls: Mapping[str, Runs]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fbql.statistics.tables import Row, Table, number
+from fbql.statistics.tables import Row, Table, number, tabulate
 
 RUNG_COLUMNS = {
     "rung": "rung of the ladder, and whose",
@@ -25,15 +25,13 @@ def rung_row(rung: str, measure: str, found: float, wanted: float, at_least: boo
 
 def rungs_table(rows: Sequence[Row]) -> Table:
     """The rungs among the rows."""
-    body = [
-        [
-            row["rung"],
-            row["measure"],
-            f"{row['bound']} {number(row['wanted'], '.3g')}",
-            number(row["found"], ".3g"),
-            "yes" if row["reached"] else "**no**",
-        ]
-        for row in rows
-        if "rung" in row
-    ]
-    return Table(["rung", "measure", "wanted", "found", "reached"], body)
+    return tabulate(
+        (row for row in rows if "rung" in row),
+        {
+            "rung": lambda row: row["rung"],
+            "measure": lambda row: row["measure"],
+            "wanted": lambda row: f"{row['bound']} {number(row['wanted'], '.3g')}",
+            "found": lambda row: number(row["found"], ".3g"),
+            "reached": lambda row: "yes" if row["reached"] else "**no**",
+        },
+    )

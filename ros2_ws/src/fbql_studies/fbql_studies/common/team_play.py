@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from typing import Any
 
+from fbql.statistics.inference import mean_interval, paired_p_value
+from fbql.statistics.tables import Row, finite
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.tree import Tree
 from fbql_fusion.core.parameters import FusionParameters, Thresholds
@@ -36,6 +38,14 @@ TEAM_MEASURES: dict[str, Callable[[Mapping[str, Any]], float]] = {
 """Name of a measure -> its value from a team's counts."""
 
 
+PAIRED_COLUMNS = {
+    "low": "the lower end of its 95 % interval, a bootstrap over the seeds; null with one",
+    "high": "the upper end; null with one",
+    "p": "p of the sign-flip test, paired by seed, that there is no difference; null with one",
+}
+"""The columns of a paired difference."""
+
+
 def score(trees: Mapping[str, Tree], thresholds: Thresholds, seed: int, episodes: int) -> Score:
     """The score of a set of trees on the first episodes of a run seed."""
     behaviors = [Behavior(name, trees[name]) for name in FusionParameters().behaviors]
@@ -46,6 +56,13 @@ def retuned(trees: Mapping[str, Tree]) -> Thresholds:
     """The thresholds of the grid with the least cost/goal on the tuning episodes; the first of equal ones."""
     pairs = [Thresholds(*pair) for pair in product(WALL_M, APPROACH_RAD)]
     return min(pairs, key=lambda pair: score(trees, pair, TUNING_SEED, TUNING_EPISODES).cost)
+
+
+def paired_difference(ours: Sequence[float], theirs: Sequence[float]) -> Row:
+    """Mean of ours - theirs over the seeds, with its 95 % interval and p."""
+    found = mean_interval([one - other for one, other in zip(ours, theirs, strict=True)])
+    p = paired_p_value(ours, theirs)
+    return finite({"difference": found.estimate, "low": found.low, "high": found.high, "p": p})
 
 
 def spoken(behavior: str) -> str:

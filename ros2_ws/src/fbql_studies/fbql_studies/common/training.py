@@ -19,8 +19,8 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
 from fbql_studies.common.methods import BEHAVIORS, FBQL
-from fbql_studies.common.play import counts_of
-from fbql_studies.runner.study import MOST_PLAYED, Result, add_count, check_counts
+from fbql_studies.common.play import counts_of, frozen
+from fbql_studies.runner.study import MOST_PLAYED, Parameters, Result, add_count, check_counts
 
 FIRST_TREE_SEED = 1001
 """Demonstration seed of the first tree set of the paper's protocol, the ladder and the peers; no tuning saw it."""
@@ -131,6 +131,22 @@ def train(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLo
     policy = session.policy()
     assert policy is not None
     return Trained(policy, curve, {**size_of(policy), "joint_states": len(visited)})
+
+
+Played = dict[str, tuple[FusionParameters, Policy | None]]
+"""Method -> its parameters, and the policy that it plays."""
+
+
+def judge(
+    seeds: Seeds, parameters: Parameters, played: Played, behaviors: Sequence[Behavior], loop: WorldLoop
+) -> list[Row]:
+    """The runs of frozen play of each method, on the episodes that judge a task's training."""
+    tree_set, seed, episodes = parameters["set"], parameters["seed"], parameters["evaluate"]
+    run_seed = seeds.judging(tree_set, seed)
+    return [
+        seeds.row(method, tree_set, seed, frozen(fusion, behaviors, loop, run_seed, episodes, policy))
+        for method, (fusion, policy) in played.items()
+    ]
 
 
 def size_of(policy: Policy) -> Result:

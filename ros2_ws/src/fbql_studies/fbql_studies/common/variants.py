@@ -19,9 +19,16 @@ from fbql_studies.common import methods
 from fbql_studies.common.controls import control_tasks, controls_played
 from fbql_studies.common.fusion_tables import METHOD_COLUMNS, SIZE_COLUMNS, methods_table
 from fbql_studies.common.methods import FBQL, PAPER, RETUNED, TUNED, guided, untrained
-from fbql_studies.common.play import frozen
-from fbql_studies.common.training import Seeds, after_guidance, check_training_options, train, training_of
-from fbql_studies.runner.study import Parameters, Result, Task
+from fbql_studies.common.training import (
+    Played,
+    Seeds,
+    after_guidance,
+    check_training_options,
+    judge,
+    train,
+    training_of,
+)
+from fbql_studies.runner.study import Parameters, Result, StudyTask
 
 COLUMNS = {
     **METHOD_COLUMNS,
@@ -47,12 +54,12 @@ class Variants(NamedTuple):
     played: Mapping[str, Changes]
     """Name -> changes to the frozen play of what the default learned."""
 
-    def tasks(self, options: argparse.Namespace) -> list[Task]:
+    def tasks(self, options: argparse.Namespace) -> list[StudyTask]:
         """A training for each seed, tree set and variant, the default first, so that all rows grow alike; then the controls."""
         check_training_options(options)
         given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
         trainings = [
-            Task(
+            StudyTask(
                 f"{re.sub(r'[^a-z0-9.-]+', '_', name)}-trees{self.seeds.tree(k)}-seed{seed}",
                 {"part": name, "set": k, "seed": seed, "episodes": options.episodes, **given},
             )
@@ -71,21 +78,17 @@ class Variants(NamedTuple):
         return self._trained(parameters, behaviors, loop)
 
     def _trained(self, parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
-        tree_set, seed, name = parameters["set"], parameters["seed"], parameters["part"]
-        run_seed, episodes = self.seeds.training(seed), parameters["episodes"]
+        name, episodes = parameters["part"], parameters["episodes"]
+        run_seed = self.seeds.training(parameters["seed"])
         fusion = training_of(run_seed, episodes, **({} if name == DEFAULT else self.trained[name]))
         trained = train(fusion, behaviors, loop)
-        played = {name: (fusion, trained.policy)}
+        played: Played = {name: (fusion, trained.policy)}
         if name == DEFAULT:
             played[UNTRAINED] = (fusion, None)
             played[GUIDED] = (fusion, after_guidance(fusion, behaviors, loop))
             for variant, changed in self.played.items():
                 played[variant] = (training_of(run_seed, episodes, **changed), trained.policy)
-        judge = self.seeds.judging(tree_set, seed)
-        runs = [
-            self.seeds.row(method, tree_set, seed, frozen(each, behaviors, loop, judge, parameters["evaluate"], policy))
-            for method, (each, policy) in played.items()
-        ]
+        runs = judge(self.seeds, parameters, played, behaviors, loop)
         return {"runs": runs, "curve": trained.curve, "size": trained.size}
 
     def table(self, results: Mapping[str, Result]) -> list[Row]:

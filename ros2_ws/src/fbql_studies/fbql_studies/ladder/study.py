@@ -15,14 +15,12 @@ from typing import Any
 from fbql.statistics.runs import Runs, method_row, runs_by_method
 from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
-from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.policy import Policy
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
 from fbql_studies.common import methods
 from fbql_studies.common.controls import control_tasks, controls_played
-from fbql_studies.common.learning_curves import Trainings, growth, learning
+from fbql_studies.common.learning_curves import Trainings, growth, learning, mean_sizes, trainings_by
 from fbql_studies.common.methods import (
     FBQL,
     FBQL_VALUE,
@@ -37,21 +35,22 @@ from fbql_studies.common.methods import (
     guided,
     untrained,
 )
-from fbql_studies.common.play import frozen
 from fbql_studies.common.training import (
     FIRST_RUN_SEED,
     FIRST_TREE_SEED,
+    Played,
     Seeds,
     add_training_options,
     after_guidance,
     as_it_learns,
     check_training_options,
+    judge,
     train,
     training_of,
 )
 from fbql_studies.ladder import tables
 from fbql_studies.ladder.weight_maps import weight_maps
-from fbql_studies.runner.study import MEASURED, Parameters, Result, Task
+from fbql_studies.runner.study import MEASURED, Parameters, Result, StudyTask
 
 DESCRIPTION = (
     "the learners trained on fresh trees, then frozen against Subsumption, constant weights, their twins and the law"
@@ -102,7 +101,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def tasks(options: argparse.Namespace) -> list[Task]:
+def tasks(options: argparse.Namespace) -> list[StudyTask]:
     """A training for each learner, tree set and seed, seed by seed, so that every tree set has a training early.
 
     The controls come after the first learner's trainings: the rungs need just these two.
@@ -111,11 +110,11 @@ def tasks(options: argparse.Namespace) -> list[Task]:
     given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
     alone = {"twins": True} if ASKED.get(options.learners) == SENSED else {}
     controls = control_tasks(SEEDS, options.trees, options.seeds, given)
-    found: list[Task] = []
+    found: list[StudyTask] = []
     for asked in ASKED if options.learners == ALL else [options.learners]:
         learner = ASKED[asked]
         found += [
-            Task(
+            StudyTask(
                 f"{asked}-trees{SEEDS.tree(k)}-seed{seed}",
                 {"part": learner, "set": k, "seed": seed, "episodes": options.episodes, **given, **alone},
             )
@@ -142,7 +141,7 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
     begun_s = perf_counter()
     trained = train(fusion, behaviors, loop)
     training_s = perf_counter() - begun_s
-    played: dict[str, tuple[FusionParameters, Policy | None]] = {}
+    played: Played = {}
     if learner in LEARNERS or parameters.get("twins"):
         # The critic plays no part in them: fbql's twins are those of the sensed critic as well.
         as_learning = training_of(fusion.seed, fusion.episodes, controller, **(changes | as_it_learns(controller)))
@@ -150,12 +149,8 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
         played[drawn(untrained(controller))] = (as_learning, None)
         played[guided(controller)] = (fusion, after_guidance(fusion, behaviors, loop))
     played[learner] = (fusion, trained.policy)
-    judge, episodes = SEEDS.judging(tree_set, seed), parameters["evaluate"]
     begun_s = perf_counter()
-    runs = [
-        SEEDS.row(method, tree_set, seed, frozen(each, behaviors, loop, judge, episodes, policy))
-        for method, (each, policy) in played.items()
-    ]
+    runs = judge(SEEDS, parameters, played, behaviors, loop)
     seconds = {"training_s": training_s, "evaluation_s": perf_counter() - begun_s}
     result: Result = {
         "learner": learner, "runs": runs, "curve": trained.curve, "size": trained.size, MEASURED: seconds
@@ -182,16 +177,7 @@ def _runs(results: Mapping[str, Result]) -> dict[str, Runs]:
 
 
 def _trainings(results: Mapping[str, Result]) -> dict[str, Trainings]:
-    """Learner -> its trainings; a learner without one is left out."""
-    found = {
-        learner: {
-            (result["runs"][0]["tree_seed"], result["runs"][0]["seed"]): result
-            for result in results.values()
-            if result.get("learner") == learner
-        }
-        for learner in TRAINED
-    }
-    return {learner: dict(sorted(trained.items())) for learner, trained in found.items() if trained}
+    return trainings_by(results, lambda result: result.get("learner"), TRAINED)
 
 
 def _sizes(results: Mapping[str, Result]) -> list[Row]:
@@ -199,12 +185,12 @@ def _sizes(results: Mapping[str, Result]) -> list[Row]:
     rows: list[Row] = []
     for learner, by_run in _trainings(results).items():
         trained = list(by_run.values())
-        row: Row = {"learner": learner, "trainings": len(trained)}
-        for name in ("features", "bytes", "joint_states", "leaf_product"):
-            row[name] = sum(each["size"][name] for each in trained) / len(trained)
-        row["training_steps"] = sum(part["steps"] for each in trained for part in each["curve"]) / len(trained)
-        row["training_s"] = sum(each[MEASURED]["training_s"] for each in trained) / len(trained)
-        rows.append(row)
+        steps = sum(part["steps"] for each in trained for part in each["curve"]) / len(trained)
+        mean = mean_sizes(trained)
+        seconds = mean.pop("training_s")
+        rows.append(
+            {"learner": learner, "trainings": len(trained), **mean, "training_steps": steps, "training_s": seconds}
+        )
     return rows
 
 

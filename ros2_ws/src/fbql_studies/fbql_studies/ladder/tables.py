@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fbql.statistics.runs import Runs, cost_ratio, cost_ratios_by_trees, ratio
-from fbql.statistics.tables import Row, Table, finite, number
+from fbql.statistics.tables import Row, Table, finite, number, tabulate
 
 from fbql_studies.common.fusion_tables import METHOD_COLUMNS, SIZE_COLUMNS, byte_text, methods_table, share
 from fbql_studies.common.rungs import RUNG_COLUMNS, rung_row, rungs_table
@@ -88,47 +88,34 @@ def rung_rows(method: str, ours: Runs, retuned: Runs, law: Runs) -> list[Row]:
 def words(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table."""
     controls = {"retuned": "re-tuned", "paper": "paper", "untrained": "never learned", "guided": "only guided"}
-    sets = [row for row in rows if "trees" in row]
-    head = ["learner", "trees", "leaves", "thresholds", "re-tuned", "learned", "ratio", "worst run", "success rate",
-            "own goals"]  # fmt: skip
     return {
         "frozen play": methods_table(rows, controls),
-        "tree sets": Table(
-            head,
-            [
-                [
-                    row["learner"],
-                    str(row["trees"]),
-                    row["leaves"],
-                    f"{row['wall_m']:g} m, {row['approach_rad']:g} rad",
-                    number(row["retuned_cost"], ".0f"),
-                    number(row["learner_cost"], ".0f"),
-                    number(row["ratio"], ".2f"),
-                    number(row["worst_run"], ".2f"),
-                    share(row["success_rate"]),
-                    f"{row['own_goal_rate']:.2%}",
-                ]
-                for row in sets
-            ],
+        "tree sets": tabulate(
+            (row for row in rows if "trees" in row),
+            {
+                "learner": lambda row: row["learner"],
+                "trees": lambda row: str(row["trees"]),
+                "leaves": lambda row: row["leaves"],
+                "thresholds": lambda row: f"{row['wall_m']:g} m, {row['approach_rad']:g} rad",
+                "re-tuned": lambda row: number(row["retuned_cost"], ".0f"),
+                "learned": lambda row: number(row["learner_cost"], ".0f"),
+                "ratio": lambda row: number(row["ratio"], ".2f"),
+                "worst run": lambda row: number(row["worst_run"], ".2f"),
+                "success rate": lambda row: share(row["success_rate"]),
+                "own goals": lambda row: f"{row['own_goal_rate']:.2%}",
+            },
         ),
         "rungs b and c": rungs_table(rows),
-        "size": _sizes([row for row in rows if "trainings" in row]),
+        "size": tabulate(
+            (row for row in rows if "trainings" in row),
+            {
+                "learner": lambda row: row["learner"],
+                "trainings": lambda row: str(row["trainings"]),
+                "features": lambda row: f"{row['features']:.0f}",
+                "policy": lambda row: byte_text(row["bytes"]),
+                "joint states met": lambda row: f"{row['joint_states']:.0f} of {row['leaf_product']:.0f}",
+                "steps of a training": lambda row: f"{row['training_steps']:.3g}",
+                "seconds": lambda row: f"{row['training_s']:.0f}",
+            },
+        ),
     }
-
-
-def _sizes(rows: Sequence[Row]) -> Table:
-    body = [
-        [
-            row["learner"],
-            str(row["trainings"]),
-            f"{row['features']:.0f}",
-            byte_text(row["bytes"]),
-            f"{row['joint_states']:.0f} of {row['leaf_product']:.0f}",
-            f"{row['training_steps']:.3g}",
-            f"{row['training_s']:.0f}",
-        ]
-        for row in rows
-    ]
-    return Table(
-        ["learner", "trainings", "features", "policy", "joint states met", "steps of a training", "seconds"], body
-    )

@@ -28,7 +28,7 @@ from fbql_fusion.core.parameters import PRESETS, Thresholds
 from fbql_studies.common.team_play import RETUNED, retuned, score
 from fbql_studies.leaf_tuning import tables
 from fbql_studies.leaf_tuning.tables import ALL, BEFORE, FRESH, PRINTED, SHIPPED
-from fbql_studies.runner.study import MOST_PLAYED, MOST_SEEDS, Parameters, Result, Task, add_count, check_counts
+from fbql_studies.runner.study import MOST_PLAYED, MOST_SEEDS, Parameters, Result, StudyTask, add_count, check_counts
 
 DESCRIPTION = "leaf tuning: each behavior and the team before and after, from the same starts"
 CAPTIONS: Mapping[str, str] = {}
@@ -47,11 +47,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_count(parser, "--episodes", 200, "episodes of each team and preset")
 
 
-def tasks(options: argparse.Namespace) -> list[Task]:
+def tasks(options: argparse.Namespace) -> list[StudyTask]:
     """A task for each kind of trees and tuning seed; fresh demonstrations are others for each."""
     check_counts(options, seeds=MOST_SEEDS, starts=MOST_PLAYED, episodes=MOST_PLAYED)
     return [
-        Task(
+        StudyTask(
             f"{trees.split()[0]}-{FIRST_TUNING_SEED + index}",
             {
                 "trees": trees,

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fbql.statistics.inference import mean_interval, paired_p_value
-from fbql.statistics.tables import Row, Table, between, finite, number
+from fbql.statistics.tables import Row, Table, between, number, tabulate
 from fbql_behaviors.core.exercises import EXERCISES
 
-from fbql_studies.common.team_play import TEAM_MEASURES, spoken
+from fbql_studies.common.team_play import PAIRED_COLUMNS, TEAM_MEASURES, paired_difference, spoken
 from fbql_studies.runner.study import Result
 
 SHIPPED, PRINTED, FRESH = "shipped", "printed objective", "fresh demonstrations"
@@ -29,9 +28,7 @@ COLUMNS = {
     "after": "mean after it",
     "percent": "the difference in percent of `before`",
     "difference": "after - before, paired by seed",
-    "low": "the lower end of its 95 % interval, a bootstrap over the seeds; null with one",
-    "high": "the upper end; null with one",
-    "p": "p of the sign-flip test, paired by seed, that there is no difference; null with one",
+    **PAIRED_COLUMNS,
 }
 """Column -> what it says."""
 
@@ -53,21 +50,19 @@ def words(rows: Sequence[Row]) -> dict[str, Table]:
 
 
 def _table(what: str, rows: Sequence[Row], columns: Sequence[str]) -> Table:
-    head = ["trees", what, "measure", "before", "after", "change [%]", "difference (95 %)", "p"]
-    body = [
-        [
-            row["trees"],
-            ", ".join(spoken(row[column]).removeprefix("team, ") for column in columns),
-            row["measure"],
-            number(row["before"], ".4g"),
-            number(row["after"], ".4g"),
-            number(row["percent"], "+.1f"),
-            between(row, "difference", "low", "high", "+.3g"),
-            number(row["p"], ".2g"),
-        ]
-        for row in rows
-    ]
-    return Table(head, body)
+    return tabulate(
+        rows,
+        {
+            "trees": lambda row: row["trees"],
+            what: lambda row: ", ".join(spoken(row[column]).removeprefix("team, ") for column in columns),
+            "measure": lambda row: row["measure"],
+            "before": lambda row: number(row["before"], ".4g"),
+            "after": lambda row: number(row["after"], ".4g"),
+            "change [%]": lambda row: number(row["percent"], "+.1f"),
+            "difference (95 %)": lambda row: between(row, "difference", "low", "high", "+.3g"),
+            "p": lambda row: number(row["p"], ".2g"),
+        },
+    )
 
 
 def table(results: Mapping[str, Result]) -> list[Row]:
@@ -114,10 +109,10 @@ def _team_rows(trees: str, found: Sequence[Sequence[Mapping[str, Any]]]) -> list
 
 
 def _row(what: tuple[str, str, str, str], before: Sequence[float], after: Sequence[float]) -> Row:
-    difference = mean_interval([new - old for old, new in zip(before, after, strict=True)])
     trees, tuned, played, name = what
     mean_before = sum(before) / len(before)
-    row = {
+    paired = paired_difference(after, before)
+    return {
         "trees": trees,
         "tuned": tuned,
         "played": played,
@@ -125,10 +120,6 @@ def _row(what: tuple[str, str, str, str], before: Sequence[float], after: Sequen
         "n": len(before),
         "before": mean_before,
         "after": sum(after) / len(after),
-        "percent": 100 * difference.estimate / mean_before if mean_before else None,
-        "difference": difference.estimate,
-        "low": difference.low,
-        "high": difference.high,
-        "p": paired_p_value(after, before),
+        "percent": 100 * paired["difference"] / mean_before if mean_before else None,
+        **paired,
     }
-    return finite(row)

@@ -10,14 +10,22 @@ import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from fbql.statistics.inference import mean_interval, paired_p_value
-from fbql.statistics.tables import Row, Table, between, finite, number
+from fbql.statistics.tables import Row, Table, between, number, tabulate
 from fbql_behaviors.core.evaluation import wheel_rmse
 from fbql_behaviors.core.recipes import RECIPES
 
 from fbql_studies.common.pattern_sets import OBJECTIVES, PatternSet, induced
-from fbql_studies.common.team_play import PRESETS, SETTINGS, TEAM_MEASURES, retuned, score, spoken
-from fbql_studies.runner.study import MOST_PLAYED, MOST_SEEDS, Parameters, Result, Task, add_count, check_counts
+from fbql_studies.common.team_play import (
+    PAIRED_COLUMNS,
+    PRESETS,
+    SETTINGS,
+    TEAM_MEASURES,
+    paired_difference,
+    retuned,
+    score,
+    spoken,
+)
+from fbql_studies.runner.study import MOST_PLAYED, MOST_SEEDS, Parameters, Result, StudyTask, add_count, check_counts
 
 DESCRIPTION = "the weighted objective against the printed one: held-out error and play over many demonstration seeds"
 CAPTIONS: Mapping[str, str] = {}
@@ -28,9 +36,7 @@ COLUMNS = {
     "weighted": "mean over the trees of the weighted objective",
     "printed": "mean over those of the printed one",
     "difference": "printed - weighted, paired by seed",
-    "low": "the lower end of its 95 % interval, a bootstrap over the seeds; null with one",
-    "high": "the upper end; null with one",
-    "p": "p of the sign-flip test, paired by seed, that there is no difference; null with one",
+    **PAIRED_COLUMNS,
 }
 FIRST_SEED = 2001
 """The first demonstration seed, which is the run seed of play as well."""
@@ -42,11 +48,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_count(parser, "--episodes", 100, "episodes of each set of trees and thresholds")
 
 
-def tasks(options: argparse.Namespace) -> list[Task]:
+def tasks(options: argparse.Namespace) -> list[StudyTask]:
     """A task for each demonstration seed."""
     check_counts(options, seeds=MOST_SEEDS, episodes=MOST_PLAYED)
     seeds = range(FIRST_SEED, FIRST_SEED + options.seeds)
-    return [Task(str(seed), {"seed": seed, "episodes": options.episodes}) for seed in seeds]
+    return [StudyTask(str(seed), {"seed": seed, "episodes": options.episodes}) for seed in seeds]
 
 
 def run(parameters: Parameters) -> Result:
@@ -93,36 +99,25 @@ def table(results: Mapping[str, Result]) -> list[Row]:
 
 
 def _row(where: str, measure: str, weighted: list[float], printed: list[float]) -> Row:
-    difference = mean_interval([theirs - ours for ours, theirs in zip(weighted, printed, strict=True)])
-    row = {
-        "where": where,
-        "measure": measure,
-        "n": len(weighted),
-        "weighted": sum(weighted) / len(weighted),
-        "printed": sum(printed) / len(printed),
-        "difference": difference.estimate,
-        "low": difference.low,
-        "high": difference.high,
-        "p": paired_p_value(printed, weighted),
-    }
-    return finite(row)
+    means = {"weighted": sum(weighted) / len(weighted), "printed": sum(printed) / len(printed)}
+    return {"where": where, "measure": measure, "n": len(weighted), **means, **paired_difference(printed, weighted)}
 
 
 def words(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table."""
-    head = ["thresholds", "measure", "weighted", "printed", "printed - weighted (95 %)", "p"]
-    body = [
-        [
-            row["where"],
-            row["measure"],
-            number(row["weighted"], ".4g"),
-            number(row["printed"], ".4g"),
-            between(row, "difference", "low", "high", "+.3g"),
-            number(row["p"], ".2g"),
-        ]
-        for row in rows
-    ]
-    return {"the two objectives": Table(head, body)}
+    return {
+        "the two objectives": tabulate(
+            rows,
+            {
+                "thresholds": lambda row: row["where"],
+                "measure": lambda row: row["measure"],
+                "weighted": lambda row: number(row["weighted"], ".4g"),
+                "printed": lambda row: number(row["printed"], ".4g"),
+                "printed - weighted (95 %)": lambda row: between(row, "difference", "low", "high", "+.3g"),
+                "p": lambda row: number(row["p"], ".2g"),
+            },
+        )
+    }
 
 
 def figures(_results: Mapping[str, Result], _directory: Path) -> list[Path]:

@@ -58,7 +58,7 @@ from fbql_studies.runner.study import (
     MOST_SEEDS,
     Parameters,
     Result,
-    Task,
+    StudyTask,
     add_count,
     check_counts,
 )
@@ -123,21 +123,21 @@ DRAWN = (
 """The methods of the figures."""
 
 
-def tasks(options: argparse.Namespace) -> list[Task]:
+def tasks(options: argparse.Namespace) -> list[StudyTask]:
     """For each tree set a task for the Subsumption tuned for it, and one for all other methods per RUNS_PER_TASK seeds."""
     check_counts(options, seeds=MOST_SEEDS, trees=MOST_TREE_SETS, goals=MOST_EPISODES, max_steps=MOST_PLAYED)
     given = {"goals": options.goals, "max_steps": options.max_steps}
     seeds = range(FIRST_RUN_SEED, FIRST_RUN_SEED + options.seeds)
     trees = range(FIRST_TREE_SEED, FIRST_TREE_SEED + options.trees)
     found = [
-        Task(
+        StudyTask(
             f"retuned-trees{tree}-seeds{options.seeds}",
             {"part": RETUNED, "tree_seed": tree, "run_seeds": list(seeds), **given},
         )
         for tree in trees
     ]
     return found + [
-        Task(
+        StudyTask(
             f"trees{tree}-seeds{block[0]}to{block[-1]}",
             {"part": "others", "tree_seed": tree, "run_seeds": list(block), **given},
         )

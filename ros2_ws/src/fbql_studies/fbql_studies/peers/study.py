@@ -26,7 +26,7 @@ from fbql_studies.common.learning_curves import short
 from fbql_studies.common.methods import CONSTANT, PAPER, RETUNED
 from fbql_studies.common.play import Score
 from fbql_studies.common.training import FIRST_RUN_SEED, FIRST_TREE_SEED, behaviors_of
-from fbql_studies.runner.study import MEASURED, Parameters, Result, Task, add_count, check_counts
+from fbql_studies.runner.study import MEASURED, Parameters, Result, StudyTask, add_count, check_counts
 
 DESCRIPTION = (
     "other methods on the same work, simulator and budget: Q-learning, PPO, constant weights, single behaviors"
@@ -57,7 +57,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_count(parser, "--episodes", 100, "episodes that each frozen policy is played on")
 
 
-def tasks(options: argparse.Namespace) -> list[Task]:
+def tasks(options: argparse.Namespace) -> list[StudyTask]:
     """A task for the controls of each tree set, one for each learner, tree set and seed; learners that can't run are left out."""
     check_counts(options, seeds=SEEDS_OF_A_TREE_SET, trees=MOST_TREE_SETS, steps=2**62, episodes=2**31)
     if find_spec("gymnasium") is None:
@@ -71,7 +71,7 @@ def tasks(options: argparse.Namespace) -> list[Task]:
     sets = range(options.trees)
     given = {"steps": options.steps, "episodes": options.episodes}
     found = [
-        Task(
+        StudyTask(
             f"{CONTROLS}-trees{FIRST_TREE_SEED + k}-seeds{options.seeds}",
             {"part": CONTROLS, "set": k, "seeds": options.seeds, **given},
         )
@@ -81,7 +81,7 @@ def tasks(options: argparse.Namespace) -> list[Task]:
         for seed in range(options.seeds):
             for k in sets:
                 key = f"{method.replace(', ', '-').replace(' ', '_')}-trees{FIRST_TREE_SEED + k}-seed{seed}"
-                found.append(Task(key, {"part": method, "set": k, "seed": seed, **given}))
+                found.append(StudyTask(key, {"part": method, "set": k, "seed": seed, **given}))
     return found
 
 

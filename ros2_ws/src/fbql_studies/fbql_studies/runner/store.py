@@ -1,9 +1,9 @@
-"""A study's directory: its options, one file a finished task, and a lock that keeps a second run out.
+"""A study's directory: its options, a file for each finished task, and a lock that keeps out a second run.
 
 config.json         the study and its options
 tasks/KEY.json      the result of a task that is done
-tasks/KEY.failed    why a task failed; gone once it is done
-revisions.json      the revisions of the project that did tasks, in order
+tasks/KEY.failed    why a task failed; removed once it is done
+revisions.json      the project revisions that did tasks, in order
 lock                held while a run uses the directory
 """
 
@@ -22,22 +22,22 @@ from fbql_common.core.errors import BadInput
 from fbql_studies.runner.study import Result
 
 COUNTS = ("seeds", "trees")
-"""Options that say how many. A directory serves fewer and more: a task that depends on them says so in its key."""
+"""Options that set a number of tasks. A directory serves any value: a task that depends on one has it in its key."""
 _MADE_FIRST = {"tasks", "lock"}
-"""What is there before config.json is."""
+"""Files that exist before config.json does."""
 
 
 class Store:
-    """Keeps a study's results. A task's file is there whole or not at all, so that a run can go on after any stop.
+    """Keeps a study's results. A task's file is written whole or not at all, so that a run can resume after any stop.
 
     Args:
-        directory: made if it is not there.
+        directory: created if it does not exist.
         config: what the tasks depend on (study and options), as JSON values. A directory of the same study with other COUNTS
-            goes on with these; one where no task ended yet is anybody's.
+            is resumed with them; a directory in which no task has ended may be taken by any study.
 
     Raises:
-        BadInput: the directory can't be used, has other files in it, belongs to another study or other options, or a run
-            is using it now.
+        BadInput: the directory can't be used, contains other files, belongs to another study or other options, or is in
+            use by a run.
     """
 
     def __init__(self, directory: Path, config: dict[str, Any]) -> None:
@@ -45,7 +45,7 @@ class Store:
         try:
             others = _others_in(directory)
             if others and "config.json" not in others:
-                raise BadInput(f"{directory}: no study's directory, but {min(others)} is in it; choose a new one")
+                raise BadInput(f"{directory}: not a study's directory: it contains {min(others)}; choose a new one")
             (directory / "tasks").mkdir(parents=True, exist_ok=True)
             self._lock = os.open(directory / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
@@ -69,7 +69,7 @@ class Store:
             found = config if is_new else _parsed(path.read_text())
             if _is_a_study(found) and self._is_unused():
                 found, is_new = config, True
-            if _uncounted(found) == _uncounted(config):
+            if _without_counts(found) == _without_counts(config):
                 if is_new or found != config:
                     text = json.dumps(config, indent=2, sort_keys=True)
                     write_atomically(path, f"{text}\n".encode())
@@ -79,7 +79,7 @@ class Store:
         raise BadInput(f"{self.directory}: holds {_difference(found, config)}; choose another directory")
 
     def _is_unused(self) -> bool:
-        """Whether a study was begun here, but no task ended."""
+        """Whether a study was started here but no task has ended."""
         return not _others_in(self.directory) - {"config.json"} and not any((self.directory / "tasks").iterdir())
 
     def __enter__(self) -> Store:
@@ -91,7 +91,7 @@ class Store:
         os.close(self._lock)
 
     def result_of(self, key: str) -> Result | None:
-        """A task's result; None when it is not done. A file that can't be read, or holds none, counts as not done."""
+        """A task's result; None when it is not done. A file that can't be read or holds no result counts as not done."""
         try:
             found = json.loads(_result_path(self.directory, key).read_bytes())
             return found if isinstance(found, dict) and found else None
@@ -107,7 +107,7 @@ class Store:
         return [str(each) for each in found] if isinstance(found, list) else ["unknown"]
 
     def add_revision(self, revision: str) -> None:
-        """Takes note of the revision that does the tasks from now on."""
+        """Records the revision that does the tasks from now on."""
         known = self.revisions()
         if revision not in known:
             text = json.dumps([*known, revision])
@@ -122,13 +122,13 @@ class Store:
 
 
 def _others_in(directory: Path) -> set[str]:
-    """Names in a directory of what a study that was ended at any time could not have left there without a config.json."""
+    """Names in a directory that a study, whenever it was stopped, can't have left there without a config.json."""
     names = {path.name for path in directory.iterdir()} if directory.exists() else set[str]()
     return {name for name in names if name not in _MADE_FIRST and not name.startswith(".config.json.")}
 
 
 def _parsed(text: str) -> Any:
-    """What a text in JSON says; None where it is none."""
+    """The value of a JSON text; None where it is not JSON."""
     try:
         return json.loads(text)
     except ValueError:
@@ -144,8 +144,8 @@ def _is_a_study(config: Any) -> bool:
             return False
 
 
-def _uncounted(config: Any) -> Any:
-    """What a config.json says but for COUNTS."""
+def _without_counts(config: Any) -> Any:
+    """The content of a config.json without COUNTS."""
     match config:
         case {"options": dict() as options}:
             return {**config, "options": {name: value for name, value in options.items() if name not in COUNTS}}
@@ -158,7 +158,7 @@ def _difference(found: Any, asked: dict[str, Any]) -> str:
     try:
         if found["study"] != asked["study"]:
             return f"the study {found['study']}, not {asked['study']}"
-        own, others = (_uncounted(config)["options"] for config in (found, asked))
+        own, others = (_without_counts(config)["options"] for config in (found, asked))
         name = next(
             name
             for name in (*others, *sorted(own))
@@ -168,7 +168,7 @@ def _difference(found: Any, asked: dict[str, Any]) -> str:
         kept, wanted = (f"{option} {each[name]}" if name in each else f"no {option}" for each in (own, others))
         return f"this study with {kept}, not {wanted}"
     except (KeyError, TypeError, AttributeError, StopIteration):
-        return "a config.json that is no study's"
+        return "a config.json that is not a study's"
 
 
 def write_result(directory: Path | str, key: str, result: Result) -> None:
@@ -179,7 +179,7 @@ def write_result(directory: Path | str, key: str, result: Result) -> None:
 
 
 def write_failure(directory: Path | str, key: str, reason: str) -> None:
-    """Writes down why a task failed."""
+    """Records why a task failed."""
     write_atomically(_failure_path(directory, key), f"{reason}\n".encode())
 
 

@@ -27,7 +27,7 @@ MEASURED = "measured"
 """The only key of a result that may differ between runs: times measured with a clock."""
 
 
-class Task(NamedTuple):
+class StudyTask(NamedTuple):
     """One piece of a study, done by one worker."""
 
     key: str
@@ -48,7 +48,7 @@ class Study(Protocol):
         """Adds the study's own options."""
         ...
 
-    def tasks(self, options: argparse.Namespace) -> list[Task]:
+    def tasks(self, options: argparse.Namespace) -> list[StudyTask]:
         """The tasks, in order; they depend on the options alone. Raises BadInput for options that can't be used."""
         ...
 

@@ -1,4 +1,4 @@
-"""Runs tasks side by side: a process for each, or on a Dask cluster. A worker that dies costs its task one retry."""
+"""Runs tasks in parallel: a process for each, or on a Dask cluster. A task whose worker dies is retried once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from uuid import uuid4
 from fbql_common.core.errors import BadInput
 
 from fbql_studies.runner.store import Store, write_failure, write_result
-from fbql_studies.runner.study import Result, Task
+from fbql_studies.runner.study import Result, StudyTask
 
 ATTEMPTS = 2
 _POLL_S = 0.2
@@ -31,7 +31,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class TaskEnd(NamedTuple):
-    """A task that ended: done, or failed for good."""
+    """The end of a task: done, or failed for good."""
 
     key: str
     failure: str
@@ -39,12 +39,12 @@ class TaskEnd(NamedTuple):
 
 
 def run_locally(
-    module: str, tasks: Sequence[Task], store: Store, jobs: int, stopped: Callable[[], bool]
+    module: str, tasks: Sequence[StudyTask], store: Store, jobs: int, stopped: Callable[[], bool]
 ) -> Iterator[TaskEnd]:
     """Runs each task in a fresh process, `jobs` at a time; yields each as it ends.
 
-    The worker writes its result itself, so that a launcher that dies loses nothing that is done. `stopped` is asked a
-    few times a second; when it says True the running workers are ended.
+    The worker writes its result itself, so that nothing that is done is lost when the launcher dies. `stopped` is called
+    a few times a second; when it returns True, the running workers are ended.
 
     Args:
         module: the study's module, which the workers can import.
@@ -53,7 +53,7 @@ def run_locally(
         os.environ.setdefault(name, "1")  # the workers share the cores already
     context = get_context("spawn")
     pending = deque((task, 1) for task in tasks)
-    running: dict[int, tuple[BaseProcess, Task, int]] = {}
+    running: dict[int, tuple[BaseProcess, StudyTask, int]] = {}
     try:
         while (pending or running) and not stopped():
             while pending and len(running) < jobs:
@@ -69,7 +69,7 @@ def run_locally(
                 elif attempt < ATTEMPTS:
                     pending.appendleft((task, attempt + 1))
                 else:
-                    if process.exitcode != 1:  # 1: it wrote down what was wrong itself
+                    if process.exitcode != 1:  # 1: it recorded the failure itself
                         write_failure(store.directory, task.key, f"the worker was ended by {_ender(process.exitcode)}")
                     yield TaskEnd(task.key, store.failure_of(task.key) or "the worker failed")
     finally:
@@ -80,13 +80,13 @@ def run_locally(
 
 
 def _ender(exitcode: int | None) -> str:
-    """What ended a process that did not end by itself."""
+    """The signal or exit code that ended a process."""
     with suppress(ValueError):
         return signal.Signals(-(exitcode or 0)).name
     return f"exit code {exitcode}"
 
 
-def _work(module: str, task: Task, directory: str, launcher: int) -> None:
+def _work(module: str, task: StudyTask, directory: str, launcher: int) -> None:
     """One task in its own process. Ends with the launcher; leaves the terminal's Ctrl-C to it."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != launcher:
@@ -94,18 +94,18 @@ def _work(module: str, task: Task, directory: str, launcher: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         write_result(directory, task.key, import_module(module).run(task.parameters))
-    except Exception as error:  # whatever it is, the launcher tells it and the other tasks go on
-        write_failure(directory, task.key, worded(error))
+    except Exception as error:  # whatever it is, it is reported and the other tasks go on
+        write_failure(directory, task.key, one_line(error))
         sys.exit(1)
 
 
-def worded(error: BaseException) -> str:
+def one_line(error: BaseException) -> str:
     """An exception in one line."""
     return " ".join("".join(format_exception_only(error)).split())
 
 
 def run_on_cluster(
-    scheduler: str, module: str, tasks: Sequence[Task], store: Store, stopped: Callable[[], bool]
+    scheduler: str, module: str, tasks: Sequence[StudyTask], store: Store, stopped: Callable[[], bool]
 ) -> Iterator[TaskEnd]:
     """Runs the tasks on a Dask cluster, whose workers must have this project's environment; yields each as it ends.
 
@@ -116,14 +116,14 @@ def run_on_cluster(
         from distributed import CancelledError, Client, Future, wait  # an optional extra
     except ModuleNotFoundError:
         raise BadInput("--scheduler needs Dask: pip install -r requirements/study.txt") from None
-    with _without_logs():  # Dask logs tracebacks of what is told here in one line
+    with _without_logs():  # Dask logs tracebacks of errors that are reported here in one line
         try:
             client = Client(scheduler, timeout=_CONNECT_S)
         except (OSError, ValueError) as error:
-            raise BadInput(f"--scheduler {scheduler}: {worded(error)}; is a Dask scheduler running there?") from None
+            raise BadInput(f"--scheduler {scheduler}: {one_line(error)}; is a Dask scheduler running there?") from None
     with _without_logs(), client:
         run = uuid4().hex  # two runs on one cluster must not mistake each other's results for their own
-        waiting: dict[Future, Task] = {
+        waiting: dict[Future, StudyTask] = {
             client.submit(
                 _remote, module, task.parameters, key=f"{run}-{task.key}", retries=ATTEMPTS - 1, pure=False
             ): task
@@ -133,12 +133,12 @@ def run_on_cluster(
             try:
                 ended = wait(list(waiting), timeout=_POLL_S, return_when="FIRST_COMPLETED").done
                 done = {future: future.result() for future in ended if future.status == "finished"}
-                failed = {future: worded(future.exception()) for future in ended if future.status == "error"}
+                failed = {future: one_line(future.exception()) for future in ended if future.status == "error"}
             except TimeoutError:
                 continue
             except (CancelledError, OSError):
-                raise BadInput(f"--scheduler {scheduler}: it ended; the same command goes on from here") from None
-            # One that is neither was done, and its result went with a worker that died: it is computed anew.
+                raise BadInput(f"--scheduler {scheduler}: it ended; the same command resumes from here") from None
+            # One that is neither lost its result with a worker that died, and is computed again.
             for future, result in done.items():
                 key = waiting.pop(future).key
                 write_result(store.directory, key, result)
@@ -152,7 +152,7 @@ def run_on_cluster(
 
 @contextmanager
 def _without_logs() -> Iterator[None]:
-    """Nobody logs an error or less."""
+    """Turns off logging up to the level of errors."""
     before = logging.root.manager.disable
     logging.disable(logging.ERROR)
     try:

@@ -14,7 +14,7 @@ from time import perf_counter
 from fbql.cli.places import ROOT
 from fbql.demonstrations.make_tree import make_tree
 from fbql.statistics.runs import ratio, runs_by_method
-from fbql.statistics.tables import Row, Table, finite, number
+from fbql.statistics.tables import Row, Table, finite, number, tabulate
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.observation_loading import load_observation
 from fbql_behaviors.storage import load_tree
@@ -22,11 +22,11 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
 from fbql_studies.common.fusion_tables import METHOD_COLUMNS, SIZE_COLUMNS, byte_text, cost, share
-from fbql_studies.common.learning_curves import growth, learning
+from fbql_studies.common.learning_curves import Trainings, growth, learning, mean_sizes, trainings_by
 from fbql_studies.common.methods import BEHAVIORS
 from fbql_studies.common.play import frozen
 from fbql_studies.common.training import Seeds, add_training_options, check_training_options, train, training_of
-from fbql_studies.runner.study import MEASURED, Parameters, Result, Task
+from fbql_studies.runner.study import MEASURED, Parameters, Result, StudyTask
 
 DESCRIPTION = "fbql with 3, 4, 6 and 8 behaviors: learning curves and memory against the product of the leaves"
 CAPTIONS = {
@@ -71,11 +71,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_training_options(parser, trees=2, seeds=2, episodes=1500, evaluate=100)
 
 
-def tasks(options: argparse.Namespace) -> list[Task]:
+def tasks(options: argparse.Namespace) -> list[StudyTask]:
     """A training for each number of behaviors, tree set and seed."""
     check_training_options(options)
     return [
-        Task(
+        StudyTask(
             f"behaviors{n}-trees{SEEDS.tree(k)}-seed{seed}",
             {
                 "behaviors": n,
@@ -115,21 +115,19 @@ def method_of(n: int) -> str:
 def table(results: Mapping[str, Result]) -> list[Row]:
     """Number of behaviors x memory and what was reached; memory is the mean over trainings."""
     by_method = runs_by_method((run for result in results.values() for run in result["runs"]), _methods())
+    trainings = _trainings(results)
     rows: list[Row] = []
     for n in COUNTS:
         runs = by_method.get(method_of(n))
         if not runs:
             continue
-        trained = [result for result in results.values() if result["runs"][0]["method"] == method_of(n)]
-        mean = {
-            name: sum(each["size"][name] for each in trained) / len(trained)
-            for name in ("leaf_product", "joint_states", "features", "bytes")
-        }
+        trained = list(trainings[method_of(n)].values())
+        mean = mean_sizes(trained)
         per_goal = ratio(runs, "steps", "goals")
         row: Row = {
             "behaviors": n,
             "runs": len(runs),
-            **mean,
+            **{name: mean[name] for name in ("leaf_product", "joint_states", "features", "bytes")},
             "table_bytes": mean["leaf_product"] * n * TABLE_VALUES * FLOAT_BYTES,
             "success_rate": ratio(runs, "goals", "episodes").estimate,
             "cost_per_goal": per_goal.estimate,
@@ -137,7 +135,7 @@ def table(results: Mapping[str, Result]) -> list[Row]:
             "cost_high": per_goal.high,
             "own_goals": sum(run["own_goals"] for run in runs.values()),
             "timeouts": sum(run["timeouts"] for run in runs.values()),
-            "training_s": sum(each[MEASURED]["training_s"] for each in trained) / len(trained),
+            "training_s": mean["training_s"],
         }
         rows.append(finite(row))
     return rows
@@ -147,35 +145,34 @@ def _methods() -> tuple[str, ...]:
     return tuple(map(method_of, COUNTS))
 
 
+def _trainings(results: Mapping[str, Result]) -> dict[str, Trainings]:
+    return trainings_by(results, lambda result: result["runs"][0]["method"], _methods())
+
+
 def words(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table."""
-    head = ["behaviors", "runs", "product of leaves", "its table", "joint states met", "features", "policy",
-            "success rate", "cost/goal (95 %)", "training [s]"]  # fmt: skip
-    body = [
-        [
-            str(row["behaviors"]),
-            str(row["runs"]),
-            f"{row['leaf_product']:.3g}",
-            byte_text(row["table_bytes"]),
-            f"{row['joint_states']:.0f}",
-            f"{row['features']:.0f}",
-            byte_text(row["bytes"]),
-            share(row["success_rate"]),
-            cost(row),
-            number(row["training_s"], ".0f"),
-        ]
-        for row in rows
-    ]
-    return {"behaviors": Table(head, body)}
+    return {
+        "behaviors": tabulate(
+            rows,
+            {
+                "behaviors": lambda row: str(row["behaviors"]),
+                "runs": lambda row: str(row["runs"]),
+                "product of leaves": lambda row: f"{row['leaf_product']:.3g}",
+                "its table": lambda row: byte_text(row["table_bytes"]),
+                "joint states met": lambda row: f"{row['joint_states']:.0f}",
+                "features": lambda row: f"{row['features']:.0f}",
+                "policy": lambda row: byte_text(row["bytes"]),
+                "success rate": lambda row: share(row["success_rate"]),
+                "cost/goal (95 %)": cost,
+                "training [s]": lambda row: number(row["training_s"], ".0f"),
+            },
+        )
+    }
 
 
 def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
     """Memory against the product, and learning curves; and the numbers they are drawn from (curves.json)."""
-    by_name: dict[str, dict[tuple[int, int], Result]] = {name: {} for name in _methods()}
-    for result in results.values():
-        run = result["runs"][0]
-        by_name[run["method"]][run["tree_seed"], run["seed"]] = result
-    by_name = {name: dict(sorted(found.items())) for name, found in by_name.items() if found}
+    by_name = _trainings(results)
     if not by_name:
         return []
     from fbql_studies.common.drawing import keep_and_draw

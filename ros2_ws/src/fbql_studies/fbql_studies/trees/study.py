@@ -28,7 +28,7 @@ from fbql_studies.runner.study import (
     MOST_SEEDS,
     Parameters,
     Result,
-    Task,
+    StudyTask,
     add_count,
     check_counts,
 )
@@ -63,18 +63,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def tasks(options: argparse.Namespace) -> list[Task]:
+def tasks(options: argparse.Namespace) -> list[StudyTask]:
     """For each seed a task for each family of methods and one for the sizes of trees; one task for the known seeds."""
     check_counts(options, seeds=MOST_SEEDS, episodes=MOST_PLAYED)
     if options.pystreed:
         make_importable(options.pystreed)
-    found = [Task("known-seeds", {"part": "known"})]
+    found = [StudyTask("known-seeds", {"part": "known"})]
     for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):
-        found.append(Task(f"{seed}-sizes", {"part": "sizes", "seed": seed}))
+        found.append(StudyTask(f"{seed}-sizes", {"part": "sizes", "seed": seed}))
         for family in FAMILIES:
             if family != "optimal" or options.pystreed:
                 parameters = {"part": family, "seed": seed, "episodes": options.episodes, "pystreed": options.pystreed}
-                found.append(Task(f"{seed}-{family}", parameters))
+                found.append(StudyTask(f"{seed}-{family}", parameters))
     return found
 
 

@@ -8,7 +8,7 @@ from statistics import median
 from typing import Any
 
 from fbql.statistics.inference import Interval, paired_p_value, ratio_of_sums
-from fbql.statistics.tables import Row, Table, between, finite, number
+from fbql.statistics.tables import Row, Table, between, finite, number, tabulate
 from fbql_behaviors.core.quantizer import rad_s_of
 from fbql_behaviors.core.recipes import RECIPES
 
@@ -114,19 +114,17 @@ def _shown(trees: dict[tuple[str, str], Row], behavior: str) -> list[tuple[str, 
 
 
 def _trees(rows: Sequence[Row]) -> Table:
-    head = ["method", "leaves", "held-out error [levels]", "[rad/s]", "value / optimum", "time [ms]"]
-    body = [
-        [
-            row["method"],
-            _spread(row, "leaves", ".0f"),
-            between(row, "rmse_levels", "rmse_low", "rmse_high", ".2f"),
-            f"{row['rmse_rad_s']:.1f}",
-            number(row["value_to_dp"], ".2f"),
-            f"{1000.0 * row['seconds']:.0f}",
-        ]
-        for row in rows
-    ]
-    return Table(head, body)
+    return tabulate(
+        rows,
+        {
+            "method": lambda row: row["method"],
+            "leaves": lambda row: between(row, "leaves", "leaves_low", "leaves_high", ".0f"),
+            "held-out error [levels]": lambda row: between(row, "rmse_levels", "rmse_low", "rmse_high", ".2f"),
+            "[rad/s]": lambda row: f"{row['rmse_rad_s']:.1f}",
+            "value / optimum": lambda row: number(row["value_to_dp"], ".2f"),
+            "time [ms]": lambda row: f"{1000.0 * row['seconds']:.0f}",
+        },
+    )
 
 
 def _equal_leaves(rows: Sequence[Row]) -> Table:
@@ -177,44 +175,35 @@ def _trials(trees: dict[tuple[str, str], Row], played: dict[tuple[str, str], Row
 
 
 def _play(rows: Sequence[Row]) -> Table:
-    head = ["method", "success [%]", "steps / goal", "against shipped", "p", "own goals [%]", "timeouts [%]", "collisions", "contact steps"]  # fmt: skip
-    body = [
-        [
-            row["method"],
-            between(row, "success_rate", "success_low", "success_high", ".1f", 100.0),
-            between(row, "cost_per_goal", "cost_low", "cost_high", ".0f"),
-            between(row, "cost_to_shipped", "ratio_low", "ratio_high", ".2f"),
-            number(row["p"], ".2g"),
-            f"{100.0 * row['own_goals']:.1f}",
-            f"{100.0 * row['timeouts']:.1f}",
-            f"{row['collisions_begun']:.1f}",
-            f"{row['collision_steps']:.1f}",
-        ]
-        for row in rows
-    ]
-    return Table(head, body)
+    return tabulate(
+        rows,
+        {
+            "method": lambda row: row["method"],
+            "success [%]": lambda row: between(row, "success_rate", "success_low", "success_high", ".1f", 100.0),
+            "steps / goal": lambda row: between(row, "cost_per_goal", "cost_low", "cost_high", ".0f"),
+            "against shipped": lambda row: between(row, "cost_to_shipped", "ratio_low", "ratio_high", ".2f"),
+            "p": lambda row: number(row["p"], ".2g"),
+            "own goals [%]": lambda row: f"{100.0 * row['own_goals']:.1f}",
+            "timeouts [%]": lambda row: f"{100.0 * row['timeouts']:.1f}",
+            "collisions": lambda row: f"{row['collisions_begun']:.1f}",
+            "contact steps": lambda row: f"{row['collision_steps']:.1f}",
+        },
+    )
 
 
 def _bands(rows: Sequence[Row]) -> Table:
     by_name = {(row["objective"], row["behavior"]): row for row in rows}
     chosen = [by_name[key] for name in OBJECTIVES for behavior in RECIPES if (key := (name, behavior)) in by_name]
-    head = ["objective", "behavior", "leaves", "band", "inside"]
-    body = [
-        [
-            row["objective"],
-            spoken(row["behavior"]),
-            row["leaves_of_seeds_1_to_8"].replace(" ", ", "),
-            row["band"].replace("-", " to "),
-            f"{row['inside']} of {row['n']}",
-        ]
-        for row in chosen
-    ]
-    return Table(head, body)
-
-
-def _spread(row: Row, name: str, form: str) -> str:
-    """A median with the range."""
-    return between(row, name, f"{name}_low", f"{name}_high", form)
+    return tabulate(
+        chosen,
+        {
+            "objective": lambda row: row["objective"],
+            "behavior": lambda row: spoken(row["behavior"]),
+            "leaves": lambda row: row["leaves_of_seeds_1_to_8"].replace(" ", ", "),
+            "band": lambda row: row["band"].replace("-", " to "),
+            "inside": lambda row: f"{row['inside']} of {row['n']}",
+        },
+    )
 
 
 def settings_of(method: str) -> tuple[str, ...]:
