@@ -174,6 +174,13 @@ def test_no_link_is_dead(path: Path) -> None:
     assert not dead
 
 
+@pytest.mark.parametrize("path", sorted(SOURCE.glob("*/README.md")), ids=lambda path: path.parent.name)
+def test_no_link_of_a_package_leaves_it(path: Path) -> None:
+    """A package is published without the repository around it."""
+    files = {target.partition("#")[0] for target in LINK.findall(path.read_text()) if not re.match(r"[a-z]+:", target)}
+    assert not {file for file in files if not (path.parent / file).resolve().is_relative_to(path.parent)}
+
+
 @every_document()
 def test_every_file_and_command_that_is_told_of_is_there(path: Path) -> None:
     told = {place for place in PLACE.findall(path.read_text()) if not place.startswith(MADE)}
