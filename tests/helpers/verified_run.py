@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fbql.replay.recomputation import Team, recorded_parameters, recorded_policy, recorded_trees
+from fbql.replay.recomputation import RecordedBehaviors, recorded_parameters, recorded_policy, recorded_trees
 from fbql.replay.verification import Verification, verify
 from fbql_fusion.core.session import Session
 from fbql_recording import open_run
@@ -15,5 +15,5 @@ def verification_of(path: Path) -> Verification:
     run = open_run(path)
     parameters, notes = recorded_parameters(run)
     assert notes == []
-    team = Team(run, recorded_trees(run), {})
-    return verify(run, Session(parameters, recorded_policy(run)), team, lambda _: None)
+    behaviors = RecordedBehaviors(run, recorded_trees(run), {})
+    return verify(run, Session(parameters, recorded_policy(run)), behaviors, lambda _: None)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from numbers import Integral, Real
-from typing import Any
+from numbers import Real
+from typing import Any, cast
 
+import numpy as np
 from fbql_common.core.errors import BadInput, in_one_line
 from fbql_common.core.types import BehaviorOutput, Phase, World
 from numpy.typing import NDArray
@@ -100,18 +101,22 @@ def guarded_call(function: Callable[..., Any], where: str, file: str, *arguments
 
 
 def _why_unusable(selection: Any, n: int) -> str:
-    """What is wrong with a selection, in words; "" where nothing is."""
-    if not isinstance(selection, tuple | list) or len(selection) != 4:  # pyright: ignore[reportUnknownArgumentType]
-        return f"a {type(selection).__name__}; expected (weights, driver, q, learned weights)"  # pyright: ignore[reportUnknownArgumentType]
-    weights, driver, q, learned = selection  # pyright: ignore[reportUnknownVariableType]
-    if not isinstance(driver, Integral) or not -1 <= driver < n:  # pyright: ignore[reportOperatorIssue]
+    """What is wrong with a selection, in words; "" if nothing is."""
+    if not isinstance(selection, tuple | list) or len(cast("Sequence[Any]", selection)) != 4:
+        return f"a {_kind(selection)}; expected (weights, driver, q, learned weights)"
+    weights, driver, q, learned = cast("Sequence[Any]", selection)
+    if not isinstance(driver, int | np.integer) or not -1 <= driver < n:
         return f"driver {driver!r}; expected the index of a behavior, or -1 for a blend by the weights"
-    for name, values, lengths in (("weights", weights, (n,)), ("q", q, (0, n)), ("learned weights", learned, (0, n))):  # pyright: ignore[reportUnknownVariableType]
+    for name, values, lengths in (("weights", weights, (n,)), ("q", q, (0, n)), ("learned weights", learned, (0, n))):
         try:
-            numbers = [isinstance(x, Real) for x in values]  # pyright: ignore[reportUnknownVariableType]
+            numbers = [isinstance(x, Real) for x in values]
         except TypeError:
-            return f"{name} that are a {type(values).__name__}"  # pyright: ignore[reportUnknownArgumentType]
+            return f"{name} that are a {_kind(values)}"
         if len(numbers) not in lengths or not all(numbers):
             none = " or none" if 0 in lengths else ""
             return f"{name} {values!r}; expected {n} numbers{none}"
     return ""
+
+
+def _kind(value: Any) -> str:
+    return type(value).__name__

@@ -10,6 +10,7 @@ from fbql_common.core.errors import BadInput
 from numpy.typing import NDArray
 
 from fbql_fusion.core.controllers.interface import JointState
+from fbql_fusion.core.learners.policy_arrays import check_arrays, rows_of
 
 Row = tuple[tuple[float, ...], tuple[float, ...]]
 """(q, weights) of one joint state, each of length n."""
@@ -58,21 +59,8 @@ class JointStateTable:
             BadInput: an array is missing, or of another shape or type, or has a value that is not finite,
                 a leaf_id below 0, weights that do not sum to 1, or a joint state twice.
         """
-        n = len(self.fresh[0])
-        kinds = {"joint_states": np.int32, "q": np.float64, "weights": np.float64}
-        missing = [name for name in kinds if name not in arrays]
-        if missing:
-            raise BadInput(f"the policy has no array '{missing[0]}'")
-        rows_expected = len(arrays["joint_states"]) if arrays["joint_states"].ndim else 0
-        for name, kind in kinds.items():
-            array = arrays[name]
-            if array.dtype != kind or array.shape != (rows_expected, n):
-                raise BadInput(
-                    f"the policy's array '{name}' is {array.dtype} {list(array.shape)}, "
-                    f"expected {np.dtype(kind)} [{rows_expected}, {n}]"
-                )
-            if not np.isfinite(array).all():
-                raise BadInput(f"the policy's array '{name}' has a value that is not finite")
+        shape = (rows_of(arrays, "joint_states"), len(self.fresh[0]))
+        check_arrays(arrays, {"joint_states": ("l", shape), "q": ("f", shape), "weights": ("f", shape)})
         if arrays["joint_states"].size and arrays["joint_states"].min() < 0:
             raise BadInput("the policy's array 'joint_states' has a leaf_id below 0")
         if (np.abs(arrays["weights"].sum(axis=1) - 1.0) > _SUM_TOLERANCE).any():
