@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import ModuleType
 
 import pytest
+from fbql.statistics import inference
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.recipes import RECIPES
 from fbql_behaviors.shipped import shipped_trees
@@ -31,7 +32,8 @@ def shipped() -> list[Behavior]:
 
 
 def make_short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The trees that ship, three guided episodes, and the shortest tuning there is."""
+    """The trees that ship, three guided episodes, the shortest tuning there is, and few resamples."""
+    monkeypatch.setattr(inference, "RESAMPLES", 200)
     monkeypatch.setattr(training, "behaviors_of", lambda _seed: shipped())
     monkeypatch.setattr(training, "GUIDED_EPISODES", 3)
     monkeypatch.setattr(tuning, "WALL_M", (0.07,))

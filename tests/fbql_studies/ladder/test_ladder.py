@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-import signal
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
-from commands import experiment as main
 from fbql_common.core.errors import BadInput
+from fbql_fusion.core.registry import forget_controller
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from fbql_studies.ablation import study as ablation
@@ -129,6 +128,30 @@ def row(method: str, tree_seed: int, seed: int, steps: int, **figures: int) -> d
     return {"method": method, "tree_seed": tree_seed, "seed": seed, "steps": steps, **counted}
 
 
+OWN = """
+class Always:
+    def __init__(self, parameters, generator): pass
+    def begin_episode(self, phase): pass
+    def select(self, world, joint_state, outputs): return (1.0, 0.0, 0.0), 0, (), ()
+"""
+
+
+@pytest.mark.usefixtures("short")
+def test_a_controller_of_ones_own_takes_part(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN)
+    asked = ("--learners", "fbql_value", "--controllers", f"{tmp_path / 'own.py'}:Always")
+    try:
+        found = {task.key: task.parameters for task in tasks_of(ladder, *TINY, *asked)}
+        assert list(found)[-1] == "own-Always-trees1001-seed0"
+        results = {key: ladder.run(each) for key, each in found.items() if not key.startswith("fbql")}
+        rows = ladder.table(results)
+    finally:
+        forget_controller("Always")
+    assert next(row for row in rows if row.get("method") == "Always")["ratio_retuned"] is None
+    assert any(row.get("rung") == "b, Always" for row in rows)
+    assert ladder.words(rows)["size"].body[0][:3] == ["Always", "1", "0"]
+
+
 def ladder_of(learned: dict[int, int], learner: str = "fbql", **figures: int) -> dict[str, Result]:
     """Results of a ladder with two seeds on each tree set: re-tuned costs 1000, the law 300, a learner what is given."""
     results: dict[str, Result] = {}
@@ -189,41 +212,3 @@ def test_weight_maps_hold_the_weights_of_every_place_and_of_nothing_learned_equa
         arrays={name: 0 * x if name in ("theta", "values") else x for name, x in trained.policy.arrays.items()}
     )
     assert (np.array(weight_maps(fusion, session_policy, shipped())["weights"]) == 33).all()
-
-
-def test_one_worker_and_two_give_the_same_results_and_a_run_goes_on_where_one_was_stopped(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("matplotlib", reason="it is in requirements/study.txt")
-    arguments = ["ladder", *TINY, "--max-steps", "5", "--learners", "fbql", "--json", "--out"]
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    try:
-        for name, jobs in (("one", "1"), ("two", "2")):
-            assert main([*arguments, str(tmp_path / name), "--jobs", jobs]) == 0
-        one, two = (kept(tmp_path / name) for name in ("one", "two"))
-        assert len(one) == 2
-        assert one == two
-        (tmp_path / "two" / "tasks" / "fbql-trees1001-seed0.json").unlink()
-        controls = (tmp_path / "two" / "tasks" / "controls-trees1001-seeds1.json").stat().st_mtime_ns
-        assert main([*arguments, str(tmp_path / "two"), "--jobs", "2"]) == 0
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-    assert kept(tmp_path / "two") == one
-    assert (tmp_path / "two" / "tasks" / "controls-trees1001-seeds1.json").stat().st_mtime_ns == controls
-    told = capsys.readouterr()
-    assert "1 of 2 tasks are done already" in told.err
-    tables = [json.loads(line)["table"] for line in told.out.splitlines()]
-    for table in tables:
-        sizes = [row for row in table if "trainings" in row]
-        assert [row["learner"] for row in sizes] == ["fbql"]
-        assert all(row.pop("training_s") > 0.0 for row in sizes)
-    assert tables[0] == tables[1] == tables[2]
-
-
-def kept(directory: Path) -> dict[str, Any]:
-    """The results of a study's tasks, but for what was measured."""
-    found = {path.name: json.loads(path.read_text()) for path in (directory / "tasks").glob("*.json")}
-    for result in found.values():
-        result.pop(MEASURED, None)
-    return found

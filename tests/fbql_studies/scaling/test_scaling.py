@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import signal
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from commands import experiment
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
+from fbql_studies.runner.study import MEASURED
 from fbql_studies.scaling import study as scaling
 from studies import make_short, tasks_of
 
@@ -39,3 +43,17 @@ def test_each_number_of_behaviors_adds_to_the_smaller_one() -> None:
     names = [scaling.names_of(n) for n in scaling.COUNTS]
     assert [len(set(each)) for each in names] == list(scaling.COUNTS)
     assert all(more[: len(fewer)] == fewer for fewer, more in pairwise(names))
+
+
+def test_the_commands_workers_give_the_results_of_this_process(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("matplotlib", reason="it is in the requirements of the studies")
+    monkeypatch.setattr(scaling, "COUNTS", (3,))
+    monkeypatch.setattr(signal, "signal", lambda *_: None)  # the command would keep the signals' handlers
+    arguments = (*TINY, "--max-steps", "5")
+    (task,) = tasks_of(scaling, *arguments)
+    assert experiment(["scaling", *arguments, "--json", "--out", str(tmp_path), "--jobs", "1"]) == 0
+    assert json.loads(capsys.readouterr().out)["done"] == 1
+    stored = json.loads((tmp_path / "tasks" / f"{task.key}.json").read_text())
+    assert {**stored, MEASURED: 0} == {**scaling.run(task.parameters), MEASURED: 0}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from math import nan
 from typing import Any
 
@@ -15,7 +15,7 @@ Runs = Mapping[tuple[int, int], RunCounts]
 """(tree seed, run seed) -> run."""
 
 
-def runs_by_method(found: Iterable[RunCounts], methods: Sequence[str]) -> dict[str, Runs]:
+def runs_by_method(found: Iterable[RunCounts], methods: Iterable[str]) -> dict[str, Runs]:
     """Method -> its runs, in the order of `methods`; methods without a run are left out."""
     by_method: dict[str, dict[tuple[int, int], RunCounts]] = {method: {} for method in methods}
     for each in found:

@@ -91,7 +91,8 @@ def check_training_options(options: Namespace) -> None:
 class Trained(NamedTuple):
     """The outcome of a training."""
 
-    policy: Policy
+    policy: Policy | None
+    """None for a controller that does not learn."""
     curve: list[Result]
     """For each CURVE_EPISODES episodes: their counts, and the joint states visited so far."""
     size: Result
@@ -129,8 +130,9 @@ def train(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLo
 
     play(session, loop, behaviors, episode_ended, see)
     policy = session.policy()
-    assert policy is not None
-    return Trained(policy, curve, {**size_of(policy), "joint_states": len(visited)})
+    size = {"features": 0, "bytes": 0} if policy is None else size_of(policy)
+    leaves = prod(behavior.tree.leaf_count for behavior in behaviors)
+    return Trained(policy, curve, {**size, "leaf_product": leaves, "joint_states": len(visited)})
 
 
 Played = dict[str, tuple[FusionParameters, Policy | None]]
@@ -150,12 +152,11 @@ def judge(
 
 
 def size_of(policy: Policy) -> Result:
-    """Features and bytes of a policy, and the product of the leaf counts."""
+    """Features and bytes of a policy."""
     arrays = policy.arrays
     return {
         "features": len(arrays["keys"]) if "keys" in arrays else 0,
         "bytes": sum(arrays[name].nbytes for name in LEARNED if name in arrays),
-        "leaf_product": prod(policy.leaf_counts),
     }
 
 

@@ -15,6 +15,7 @@ from typing import Any
 from fbql.statistics.runs import Runs, method_row, runs_by_method
 from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
+from fbql_fusion.controller_loading import know_controller
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
@@ -99,6 +100,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help=f"which learner is trained: {', '.join(ASKED)} or {ALL} ({ALL}); fbql_sensed is fbql whose critic knows no more "
         "than the behaviors sense",
     )
+    parser.add_argument(
+        "--controllers",
+        nargs="+",
+        default=argparse.SUPPRESS,  # where it is not given, a study's directory has no such option
+        metavar="SOURCE",
+        help="controllers of your own that take part: the name of one that an installed package declares, or FILE.py:NAME",
+    )
 
 
 def tasks(options: argparse.Namespace) -> list[StudyTask]:
@@ -122,6 +130,14 @@ def tasks(options: argparse.Namespace) -> list[StudyTask]:
             for k in range(options.trees)
         ]
         found, controls = found + controls, []
+    for source in getattr(options, "controllers", []):
+        known = know_controller(source)
+        own = {"part": known.name, "controller": known.source or known.name, "episodes": options.episodes, **given}
+        found += [
+            StudyTask(f"own-{known.name}-trees{SEEDS.tree(k)}-seed{seed}", {**own, "set": k, "seed": seed})
+            for seed in range(options.seeds)
+            for k in range(options.trees)
+        ]
     return found
 
 
@@ -129,14 +145,16 @@ def run(parameters: Parameters) -> Result:
     """Trains a learner once and plays its policy and its frozen twins, or plays the controls of a tree set."""
     behaviors = SEEDS.behaviors(parameters["set"])
     loop = WorldLoop(SimulationParameters(max_steps=parameters["max_steps"]))
-    if parameters["part"] not in TRAINED:
+    if parameters["part"] not in TRAINED and "controller" not in parameters:
         return controls_played(SEEDS, parameters, behaviors, loop)
     return _trained(parameters, behaviors, loop)
 
 
 def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
     learner, tree_set, seed = parameters["part"], parameters["set"], parameters["seed"]
-    controller, changes = TRAINED[learner]
+    if own := parameters.get("controller"):
+        know_controller(own)  # a worker is a process of its own
+    controller, changes = TRAINED.get(learner, (learner, {}))
     fusion = training_of(SEEDS.training(seed), parameters["episodes"], controller, **changes)
     begun_s = perf_counter()
     trained = train(fusion, behaviors, loop)
@@ -155,7 +173,7 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
     result: Result = {
         "learner": learner, "runs": runs, "curve": trained.curve, "size": trained.size, MEASURED: seconds
     }  # fmt: skip
-    if tree_set == seed == 0:
+    if tree_set == seed == 0 and learner in TRAINED and trained.policy is not None:
         result["maps"] = weight_maps(fusion, trained.policy, behaviors)
     return result
 
@@ -164,7 +182,8 @@ def table(results: Mapping[str, Result]) -> list[Row]:
     """Methods; then each learner's tree sets and rungs b and c; then the size of what was learned."""
     by_method = _runs(results)
     rows = with_all_columns(method_row(method, by_method, CONTROLS | TWINS.get(method, {})) for method in by_method)
-    learners = [learner for learner in TRAINED if learner in by_method and RETUNED in by_method]
+    controls = {*METHODS} - {*TRAINED}
+    learners = [method for method in by_method if method not in controls and RETUNED in by_method]
     for learner in learners:
         rows += tables.tree_rows(learner, by_method[learner], by_method[RETUNED], results)
     for learner in learners:
@@ -173,11 +192,13 @@ def table(results: Mapping[str, Result]) -> list[Row]:
 
 
 def _runs(results: Mapping[str, Result]) -> dict[str, Runs]:
-    return runs_by_method((run for result in results.values() for run in result["runs"]), METHODS)
+    found = [run for result in results.values() for run in result["runs"]]
+    return runs_by_method(found, dict.fromkeys((*METHODS, *(run["method"] for run in found))))
 
 
 def _trainings(results: Mapping[str, Result]) -> dict[str, Trainings]:
-    return trainings_by(results, lambda result: result.get("learner"), TRAINED)
+    own = [result["learner"] for result in results.values() if "learner" in result]
+    return trainings_by(results, lambda result: result.get("learner"), dict.fromkeys((*TRAINED, *own)))
 
 
 def _sizes(results: Mapping[str, Result]) -> list[Row]:
