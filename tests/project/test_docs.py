@@ -39,7 +39,7 @@ FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"`([^`\n]+)`")
 COMMAND = re.compile(r"(?:python3 scripts/(?=\w+\.py)|(?:ros2 run )?fbql )(\w+)(?:\.py)?\b(.*)")
 EXECUTABLE = re.compile(r"ros2 run (fbql_\w+) (\w+)")
-PLACE = re.compile(r"(?<![\w/.])((?:scripts|docs|tests|benchmarks|cmake|ros2_ws)/[\w./*-]*\w|\.ci/run)")
+PLACE = re.compile(r"(?<![\w/.])((?:scripts(?!/[A-Z]+\.)|docs|tests|benchmarks|cmake|ros2_ws)/[\w./*-]*\w|\.ci/run)")
 MADE = ("ros2_ws/build", "ros2_ws/install", "ros2_ws/log")
 """Places that only the set-up makes."""
 DOTTED = re.compile(r"fbql_\w+(?:\.\w+)+")
@@ -174,9 +174,16 @@ def test_no_link_is_dead(path: Path) -> None:
     assert not dead
 
 
+@pytest.mark.parametrize("path", sorted(SOURCE.glob("*/README.md")), ids=lambda path: path.parent.name)
+def test_no_link_of_a_package_leaves_it(path: Path) -> None:
+    """A package is published without the repository around it."""
+    files = {target.partition("#")[0] for target in LINK.findall(path.read_text()) if not re.match(r"[a-z]+:", target)}
+    assert not {file for file in files if not (path.parent / file).resolve().is_relative_to(path.parent)}
+
+
 @every_document()
 def test_every_file_and_command_that_is_told_of_is_there(path: Path) -> None:
-    told = {place for place in PLACE.findall(path.read_text()) if not place.startswith(MADE) and "NAME" not in place}
+    told = {place for place in PLACE.findall(path.read_text()) if not place.startswith(MADE)}
     assert not {place for place in told if not any(ROOT.glob(place))}
 
 
