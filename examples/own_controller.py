@@ -5,7 +5,7 @@
     python3 scripts/bringup.py --controller examples/own_controller.py --set bandit_rate=0.2
     python3 scripts/replay.py RUN --verify --controller examples/own_controller.py
 
-An installed package names the class in an entry point of the group `fbql.controllers` instead, and --controller its name.
+An installed package instead declares the class as an entry point of the group `fbql.controllers`; --controller takes its name.
 """
 
 from dataclasses import dataclass
