@@ -63,8 +63,8 @@ SECTIONS = (
     ),
     Section(
         "Induction of trees",
-        "No node has these: they say how a tree is made from demonstrations. The shipped trees differ from these "
-        "defaults where `fbql_behaviors.core.recipes.RECIPES` says so.",
+        "No node has these: they determine how a tree is made from demonstrations. The shipped trees differ from these "
+        "defaults where `fbql_behaviors.core.recipes.RECIPES` sets other values.",
         InductionParameters,
     ),
 )

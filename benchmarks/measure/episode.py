@@ -68,7 +68,7 @@ def main(argv: Sequence[str]) -> int:
         "--warm-up", type=int, default=200, metavar="N", help="episodes of learning before it is measured (200)"
     )
     parser.add_argument("--rounds", type=int, default=9, metavar="N", help="rounds to take medians over (9)")
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    parser.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
     arguments = parser.parse_args(list(argv))
     for name, least in (("rounds", 1), ("steps", 1), ("warm_up", 0)):
         if getattr(arguments, name) < least:

@@ -55,7 +55,7 @@ def explain(failure: ChildError, work: str, root: Path) -> SetUpError:
             # When a setup.py raises, colcon breaks down over it: what matters is said before colcon's own traceback.
             output = output[: shown.start()] if "/colcon_core/" in shown[1] else shown[1]
     details = "\n".join([line for line in output.splitlines() if line.strip()][-SHOWN_LINES:])
-    return SetUpError(f"{work} failed. Mend what is said above and start again. Log: {failure.log}", details)
+    return SetUpError(f"{work} failed. Fix the problem shown above and start again. Log: {failure.log}", details)
 
 
 def explain_refusal(error: OSError, root: Path) -> SetUpError:
@@ -67,7 +67,7 @@ def explain_refusal(error: OSError, root: Path) -> SetUpError:
         return SetUpError(
             f"{place} is not writable; make it so, or clone into a directory of your own, and start again."
         )
-    return SetUpError(f"the set-up failed: {error.strerror or error} ({place}). Mend that and start again.")
+    return SetUpError(f"the set-up failed: {error.strerror or error} ({place}). Fix that and start again.")
 
 
 def no_space(root: Path) -> SetUpError:

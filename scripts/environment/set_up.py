@@ -48,7 +48,7 @@ def check_path(root: Path) -> None:
     odd = sorted(set(re.findall(r"[^A-Za-z0-9._+/-]", str(root))))
     if odd:
         raise SetUpError(
-            f"the path {root} contains {', '.join(map(repr, odd))}, on which the ROS 2 build tools break. "
+            f"the path {root} contains {', '.join(map(repr, odd))}, on which the ROS 2 build tools fail. "
             "Move the checkout to a path of plain letters, digits and . _ + - and start again."
         )
 
@@ -168,9 +168,9 @@ class SetUp:
             try:
                 ElementTree.parse(package.path / "package.xml")
             except ElementTree.ParseError as error:
-                raise SetUpError(f"{package.path}/package.xml is not XML: {error}. Mend it and start again.") from None
+                raise SetUpError(f"{package.path}/package.xml is not XML: {error}. Fix it and start again.") from None
             if not package.name:
-                raise SetUpError(f"{package.path}/package.xml has no <name>. Mend it and start again.")
+                raise SetUpError(f"{package.path}/package.xml has no <name>. Fix it and start again.")
         if self.target.underlay and self.which("colcon") is None:
             raise SetUpError(
                 "colcon is not on PATH. Install it, for example with "

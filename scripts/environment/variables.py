@@ -93,9 +93,9 @@ def without_foreign_ros(target: Target, environ: Mapping[str, str], warns: bool)
     if foreign and warns:
         distro = environ.get("ROS_DISTRO")
         what = f"ROS 2 {distro}" if distro and distro != DISTRO else foreign[0]
-        say(f"{what} is sourced, which is not the system Jazzy that could be used: it is ignored, for the Jazzy wheels")
+        say(f"{what} is sourced, which is not a usable system Jazzy: it is ignored, and the Jazzy wheels are used")
     if rmw != "rmw_fastrtps_cpp" and warns:
-        say(f"RMW_IMPLEMENTATION={rmw} is ignored: the wheels hold rmw_fastrtps_cpp alone")
+        say(f"RMW_IMPLEMENTATION={rmw} is ignored: the wheels contain only rmw_fastrtps_cpp")
     return result
 
 

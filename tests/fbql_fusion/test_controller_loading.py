@@ -82,10 +82,10 @@ def test_own_parameters_are_checked_and_belong_to_it_alone(tmp_path: Path) -> No
     assert limits_of(fusion_parameters())["bandit_rate"].owners == ("Bandit",)
     own = from_mapping(fusion_parameters(), values(), "here")
     assert list(without_part(own, ["bandit_rate", "fbql_rate"], guided=False)) == [
-        "fbql_rate plays no part: it belongs to fbql, and the controller is Bandit"
+        "fbql_rate has no effect: it belongs to fbql, and the controller is Bandit"
     ]
     assert list(without_part(replace(own, controller="uniform"), ["bandit_rate"], guided=False)) == [
-        "bandit_rate plays no part: it belongs to Bandit, and the controller is uniform"
+        "bandit_rate has no effect: it belongs to Bandit, and the controller is uniform"
     ]
 
 
@@ -153,12 +153,12 @@ def test_what_is_wrong_with_a_file_is_one_line(tmp_path: Path, text: str, name: 
             "has no method 'to_arrays'; one that learns has learn, to_arrays, load_arrays",
         ),
         ("return 1 / 0", "ZeroDivisionError in line 4: division by zero"),
-        ("return 5", "'select' gives a int; expected (weights, driver, q, learned weights)"),
-        ("return (1.0, 0.0), 7, (), ()", "'select' gives driver 7; expected the index of a behavior"),
-        ("return (1.0,), 0, (), ()", "'select' gives weights (1.0,); expected 2 numbers"),
-        ("return (1.0, 0.0), 0, (1.0,), ()", "'select' gives q (1.0,); expected 2 numbers or none"),
-        ("return (1.0, 'b'), 0, (), ()", "'select' gives weights (1.0, 'b')"),
-        ("return None, 0, (), ()", "'select' gives weights that are a NoneType"),
+        ("return 5", "'select' returns a int; expected (weights, driver, q, learned weights)"),
+        ("return (1.0, 0.0), 7, (), ()", "'select' returns driver 7; expected the index of a behavior"),
+        ("return (1.0,), 0, (), ()", "'select' returns weights (1.0,); expected 2 numbers"),
+        ("return (1.0, 0.0), 0, (1.0,), ()", "'select' returns q (1.0,); expected 2 numbers or none"),
+        ("return (1.0, 'b'), 0, (), ()", "'select' returns weights (1.0, 'b')"),
+        ("return None, 0, (), ()", "'select' returns weights that are a NoneType"),
     ],
 )
 def test_what_is_wrong_with_a_controller_is_one_line(tmp_path: Path, text: str, reason: str) -> None:
@@ -201,7 +201,7 @@ def test_an_installed_controller_is_found_by_its_name(tmp_path: Path, monkeypatc
 
 def test_an_unknown_controller_names_those_that_are_known() -> None:
     with pytest.raises(
-        BadInput, match=r"unknown controller 'magic'; choose one of: fbql, .*; one of your own is FILE.py:NAME"
+        BadInput, match=r"unknown controller 'magic'; choose one of: fbql, .*; or FILE.py:NAME for your own"
     ):
         know_controller("magic")
     assert "magic" not in CONTROLLERS

@@ -45,7 +45,7 @@ def know_controller(source: str) -> KnownController:
         return _from_file(source)
     if not know_installed(source):
         known = ", ".join([*CONTROLLERS, *sorted(installed())])
-        raise BadInput(f"unknown controller '{source}'; choose one of: {known}; one of your own is FILE.py:NAME")
+        raise BadInput(f"unknown controller '{source}'; choose one of: {known}; or FILE.py:NAME for your own")
     return KnownController(source)
 
 

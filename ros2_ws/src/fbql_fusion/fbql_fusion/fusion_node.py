@@ -204,7 +204,7 @@ class FusionNode(GraphNode):
         if given_up:
             self._given_up.update(given_up)
             self.get_logger().error(
-                f"no answer from {', '.join(given_up)} within {late_s:g} s: going on without; "
+                f"no answer from {', '.join(given_up)} within {late_s:g} s: continuing without it; "
                 "nothing more is learned in this episode"
             )
         step = self._assembly.complete()

@@ -113,7 +113,7 @@ def _read(file: IO[bytes]) -> dict[str, NDArray[Any]]:
         for member in members:
             name = member.filename.removesuffix(".npy")
             if name in arrays:
-                raise BadInput(f"array '{name}' is there twice")
+                raise BadInput(f"array '{name}' occurs twice")
             with archive.open(member) as file:
                 arrays[name] = _read_array(name, file, member.file_size)
         return arrays
@@ -122,13 +122,13 @@ def _read(file: IO[bytes]) -> dict[str, NDArray[Any]]:
 def _read_array(name: str, file: IO[bytes], size: int) -> NDArray[Any]:
     """One .npy; its header must promise exactly the bytes that are there."""
     if npy.read_magic(file) != (1, 0):
-        raise BadInput(f"array '{name}' is of another .npy version than 1.0")
+        raise BadInput(f"array '{name}' has a .npy version other than 1.0")
     shape, fortran_order, dtype = npy.read_array_header_1_0(file)
     if dtype.kind not in "iufbU":
         raise BadInput(f"array '{name}' holds {dtype}, which is neither numbers nor text")
     promised, there = prod(shape) * dtype.itemsize, size - file.tell()
     if promised != there:
-        raise BadInput(f"array '{name}' promises {promised} bytes and has {there}")
+        raise BadInput(f"array '{name}' declares {promised} bytes and has {there}")
     array: NDArray[Any] = np.ndarray(shape, dtype, file.read(), order="F" if fortran_order else "C")
     return array.copy()
 
@@ -141,17 +141,17 @@ def _policy_from(arrays: dict[str, NDArray[Any]]) -> Policy:
         raise BadInput(f"format version {version}; supported: {FORMAT_VERSION}")
     kind = arrays.get("kind")
     if kind is None or kind.shape or kind.dtype.kind != "U":
-        raise BadInput("array 'kind' is missing or no text")
+        raise BadInput("array 'kind' is missing or not text")
     texts: list[tuple[str, ...]] = []
     for name in ("behaviors", "tree_hashes"):
         array = arrays.get(name)
         if array is None or array.ndim != 1 or array.dtype.kind != "U":
-            raise BadInput(f"array '{name}' is missing or no list of texts")
+            raise BadInput(f"array '{name}' is missing or not a list of texts")
         texts.append(tuple(array.tolist()))
     behaviors, tree_hashes = texts
     counts = arrays.get("leaf_counts")
     if counts is None or counts.dtype != np.int64 or counts.ndim != 1 or (counts < 1).any():
-        raise BadInput("array 'leaf_counts' is missing or no list of numbers above 0")
+        raise BadInput("array 'leaf_counts' is missing or not a list of numbers above 0")
     if not len(behaviors) == len(tree_hashes) == len(counts):
         raise BadInput(f"{len(behaviors)} behaviors, {len(tree_hashes)} tree hashes, {len(counts)} leaf counts")
     learned = {name.removeprefix(_PREFIX): array for name, array in arrays.items() if name.startswith(_PREFIX)}

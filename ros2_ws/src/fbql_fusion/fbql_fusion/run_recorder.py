@@ -169,7 +169,7 @@ def _directory(parameters: FusionNodeParameters, session: Session) -> Path:
     try:
         runs.mkdir(exist_ok=True)
     except OSError as error:
-        raise BadInput(f"{runs}: can't be made ({error.strerror}); set the parameter run_directory") from None
+        raise BadInput(f"{runs}: can't be created ({error.strerror}); set the parameter run_directory") from None
     return create_next_run_directory(runs, f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}")
 
 

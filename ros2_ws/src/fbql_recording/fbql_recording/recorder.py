@@ -235,4 +235,4 @@ class Recorder:
         # Where even that fails a torn record stays at the end, which is what recovery is made for.
         with suppress(OSError):
             os.ftruncate(self._fd, self._size)
-        self._report(f"recording FAILED, the run goes on without it: {self.path.parent}: {error.strerror}")
+        self._report(f"recording FAILED, the run continues without it: {self.path.parent}: {error.strerror}")

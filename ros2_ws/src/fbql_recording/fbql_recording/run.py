@@ -118,7 +118,7 @@ class Run:
         except ValueError as error:
             raise BadInput(f"{self.directory}/summary.json: not JSON ({error})") from None
         if not isinstance(found, dict):
-            raise BadInput(f"{self.directory}/summary.json: no JSON object")
+            raise BadInput(f"{self.directory}/summary.json: not a JSON object")
         return found
 
     # What is wrong with it
@@ -132,7 +132,7 @@ class Run:
     def warnings(self) -> list[str]:
         """What is wrong with the recording, a line each, with counts; more may come while it is read."""
         lines = list(self._warnings)
-        lines += [f"{self.path}: recovered; lost is {what}" for what in self._lost_before()]
+        lines += [f"{self.path}: recovered; lost: {what}" for what in self._lost_before()]
         for mcap in self._mcaps:
             damage = mcap.damage
             if damage.cut_off_at is not None:

@@ -53,7 +53,7 @@ def create_run_directory(path: Path) -> None:
     except OSError as error:
         for directory in reversed(made):
             directory.rmdir()
-        raise BadInput(f"{path}: can't make the run directory ({error.strerror}); choose another place") from None
+        raise BadInput(f"{path}: can't create the run directory ({error.strerror}); choose another place") from None
 
 
 def create_next_run_directory(runs: Path, name: str) -> Path:
@@ -99,7 +99,7 @@ class RunDirectory:
         if not path.is_dir():
             raise BadInput(f"{path}: no such run directory; make it with create_run_directory")
         if (path / "config.yaml").exists():
-            raise BadInput(f"{path} holds a run already; a run is never overwritten, choose another directory")
+            raise BadInput(f"{path} already holds a run; a run is never overwritten, choose another directory")
         try:
             (path / "trees").mkdir(exist_ok=True)
             for tree_file in tree_files:
@@ -167,7 +167,7 @@ class RunDirectory:
         except (OSError, BadInput) as error:
             reason = error.strerror if isinstance(error, OSError) else str(error)
             if not self.failed:
-                self._report(f"{self.path / name} could not be written, the run goes on incomplete: {reason}")
+                self._report(f"{self.path / name} could not be written, the run continues, incomplete: {reason}")
             self.failed = True
 
 

@@ -86,7 +86,7 @@ def mapping_from_yaml(data: bytes, where: str) -> dict[str, Any]:
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
         raise BadInput(f"{where}: not YAML ({str(error).partition(chr(10))[0]})") from None
     if not isinstance(found, dict):
-        raise BadInput(f"{where}: no mapping of names to values")
+        raise BadInput(f"{where}: not a mapping of names to values")
     return found
 
 
@@ -97,7 +97,7 @@ def _in_directory(directory: Path) -> RunFiles:
     where = str(directory / "metadata.yaml")
     information = mapping_from_yaml(data, where).get("rosbag2_bagfile_information")
     if not isinstance(information, dict):
-        raise BadInput(f"{where}: no metadata of a bag (rosbag2_bagfile_information is missing)")
+        raise BadInput(f"{where}: not the metadata of a bag (rosbag2_bagfile_information is missing)")
     storage = information.get("storage_identifier")
     if storage != "mcap":
         raise BadInput(f"{where}: a bag of '{storage}', only mcap is read; convert it with `ros2 bag convert`")

@@ -46,11 +46,11 @@ COMMANDS = {
     "induce": Command("make a decision tree from demonstrations", handles_signals=False),
     "tree": Command("explain, export, check or import a tree file", handles_signals=False),
     "tune": Command("tune the leaves of a tree by Q-learning", handles_signals=False),
-    "make_trees": Command("make the shipped trees again, from their seeds", handles_signals=False),
-    "replay": Command("play a recording again, verify it, or ask what if"),
+    "make_trees": Command("regenerate the shipped trees from their seeds", handles_signals=False),
+    "replay": Command("replay a recording, verify it, or answer what-if questions"),
     "recover": Command("repair a damaged recording"),
     "report": Command("write a page that explains a recording step by step"),
-    "compare": Command("put recordings side by side"),
+    "compare": Command("compare recordings side by side"),
 }
 
 

@@ -11,4 +11,4 @@ from fbql_fusion.core.parameters import CONTROLLERS
 def add_controller_option(parser: argparse._ActionsContainer, help_text: str) -> None:
     """Adds --controller NAME, whose value is for `fbql_fusion.controller_loading.know_controller`."""
     names = ", ".join([*CONTROLLERS, *sorted(installed())])
-    parser.add_argument("--controller", metavar="NAME", help=f"{help_text}: {names}; or FILE.py:NAME, one of your own")
+    parser.add_argument("--controller", metavar="NAME", help=f"{help_text}: {names}; or FILE.py:NAME for your own")

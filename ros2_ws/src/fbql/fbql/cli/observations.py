@@ -16,7 +16,7 @@ def add_observation_option(parser: argparse._ActionsContainer) -> None:
         action="append",
         default=[],
         metavar="FILE.py:NAME",
-        help="what a behavior of your own senses: the Observation of this name in a Python file; NAME is the behavior's name",
+        help="what your own behavior senses: the Observation of this name in a Python file; NAME is the behavior's name",
     )
 
 

@@ -63,7 +63,7 @@ def parser(program: str) -> Parser:
         type=float,
         default=START_TIMEOUT_S,
         metavar="S",
-        help="seconds that the nodes may take to come up",
+        help="seconds to wait for the nodes to start",
     )
     return result
 

@@ -112,7 +112,7 @@ def _replay(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
         complain(found.first_difference)
     elif found.without_start:
         unknown = f"{found.without_start} of {counted(len(demonstrations), 'demonstration')}"
-        complain(f"{unknown} can't be driven again: the recording does not name their start")
+        complain(f"{unknown} can't be driven again: the recording does not contain their start")
     else:
         say(f"driven again: all {found.steps} steps are identical, bit for bit")
     more = {"identical": found.identical, "steps": found.steps, "first_difference": found.first_difference}
@@ -149,7 +149,7 @@ def _check_usage(arguments: argparse.Namespace) -> None:
         raise BadInput(f"name the BEHAVIOR, one of: {', '.join(INSTRUCTORS)}")
     for name, of in (("demonstrations", ("",)), ("steps", ("",)), ("seed", ("", "keyboard"))):
         if getattr(arguments, name) is not None and mode not in of:
-            raise BadInput(f"--{name} does not go with --{mode}")
+            raise BadInput(f"--{name} cannot be combined with --{mode}")
     if not SLOWEST <= arguments.realtime <= FASTEST:
         raise BadInput(f"--realtime is {arguments.realtime:g}, outside of [{SLOWEST:g}, {FASTEST:g}]")
 
@@ -186,13 +186,15 @@ def parser(program: str) -> Parser:
         metavar="S",
         help=f"seed of the starts and of the instructor's hand ({SCRIPTED_SEED}; --keyboard: a new one each time)",
     )
-    command.add_argument("--demonstrations", type=int, metavar="N", help="how many (from the behavior's recipe)")
-    command.add_argument("--steps", type=int, metavar="N", help="most steps of each (from the recipe)")
+    command.add_argument(
+        "--demonstrations", type=int, metavar="N", help="number of demonstrations (from the behavior's recipe)"
+    )
+    command.add_argument("--steps", type=int, metavar="N", help="maximum number of steps of each (from the recipe)")
     command.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
-        help="directory to make; it must not exist (runs/TIME-demonstrations-BEHAVIOR-...)",
+        help="directory to create; it must not exist (runs/TIME-demonstrations-BEHAVIOR-...)",
     )
     add_json_option(command)
     add_observation_option(command)

@@ -76,7 +76,7 @@ def parser(program: str) -> Parser:
     command.add_argument("--leaves", type=int, metavar="N", help="leaves of --method cart (chosen by cross-validation)")
     add_observation_option(command)
     more = "; cart: scikit-learn's, for comparison (installs requirements/study.txt once)"
-    about = "without an option, the behavior's recipe decides"
+    about = "defaults are those of the behavior's recipe"
     add_parameter_options(command, InductionParameters, "induction", about, {"method": (CART, more)})
     return command
 
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     names = ("seed", "every", "patterns", "leaves", *types_of(InductionParameters))
     request = request_of(arguments.behavior, **{name: getattr(arguments, name) for name in names})
     if arguments.curve is not None and request.method != "rl":
-        raise BadInput("--curve is for --method rl; the other methods have no trials")
+        raise BadInput("--curve needs --method rl; the other methods have no trials")
     demonstrations = _demonstrations(request, arguments.demos)
     patterns = patterns_for(request, demonstrations)
     warn(patterns.warnings())
@@ -105,8 +105,8 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     if replaced:
         say(f"{path}: replaced the existing tree")
     if made.tree.leaf_count == 1:
-        warn(["the tree is a single leaf, one command whatever is sensed; record more demonstrations, or bring "
-              "--split-cost nearer to 0"])  # fmt: skip
+        warn(["the tree is a single leaf, the same command for every observation; record more demonstrations, or move "
+              "--split-cost closer to 0"])  # fmt: skip
     rmse = made.rmse_levels
     result = {
         "leaves": made.tree.leaf_count,
@@ -174,7 +174,7 @@ def _curve(values: Sequence[float]) -> str:
 
 
 def _words(result: dict[str, Any]) -> str:
-    error = "n/a (it takes two demonstrations)"
+    error = "n/a (needs two demonstrations)"
     if result["rmse_levels"] is not None:
         error = f"{result['rmse_levels']:.2f} levels, {result['rmse_rad_s']:.1f} rad/s"
     value = "not finite: it diverged" if result["root_value"] is None else f"{result['root_value']:.4f} nat"

@@ -137,7 +137,7 @@ def _read_json(path: Path) -> Mapping[str, Any]:
     except OSError as error:
         raise BadInput(f"cannot be read ({error.strerror})") from None
     if len(data) > MAX_BYTES:
-        raise BadInput(f"more than {MAX_BYTES} bytes, the most a tree may have")
+        raise BadInput(f"more than {MAX_BYTES} bytes, which is the limit for a tree")
     try:
         found: Any = json.loads(data)
     except UnicodeDecodeError:

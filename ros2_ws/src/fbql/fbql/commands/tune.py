@@ -125,5 +125,5 @@ def parser(program: str) -> Parser:
     )
     command.add_argument("--out", type=Path, metavar="FILE", help="tree file (runs/TIME-tuned-BEHAVIOR/BEHAVIOR.json)")
     add_json_option(command)
-    add_parameter_options(command, TuningParameters, "tuning", "without an option, the behavior's setting decides")
+    add_parameter_options(command, TuningParameters, "tuning", "defaults are those set for the behavior")
     return command

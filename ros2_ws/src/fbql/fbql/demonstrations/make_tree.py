@@ -93,7 +93,9 @@ def request_of(
     if is_cart:
         scikit_learn()  # refused here, before anything takes long
     elif leaves is not None:
-        raise BadInput("leaves is for method cart; the other methods choose the number themselves (split_cost)")
+        raise BadInput(
+            "leaves applies only to method cart; the other methods choose the number themselves (split_cost)"
+        )
     given = {"method": None if is_cart else method, "objective": objective, **parameters}
     unknown = sorted(given.keys() - types_of(InductionParameters).keys())
     if unknown:

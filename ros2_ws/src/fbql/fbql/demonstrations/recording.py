@@ -48,7 +48,7 @@ def make_directory(directory: Path) -> None:
     except FileExistsError:
         raise BadInput(f"{directory} exists; demonstrations are never overwritten, choose another directory") from None
     except OSError as error:
-        raise BadInput(f"{directory}: cannot be made ({error.strerror}); choose another directory") from None
+        raise BadInput(f"{directory}: cannot be created ({error.strerror}); choose another directory") from None
 
 
 def write_demonstrations(

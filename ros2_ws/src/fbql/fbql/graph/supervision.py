@@ -131,7 +131,7 @@ class Supervision:
                 twins = sorted(set(observer.nodes()) & set(launch.node_names(match)))
         if twins:
             raise BadInput(
-                f"node '{twins[0]}' runs already in ROS_DOMAIN_ID={domain_id}; "
+                f"node '{twins[0]}' is already running in ROS_DOMAIN_ID={domain_id}; "
                 "end it, or unset ROS_DOMAIN_ID to get a free domain"
             )
 

@@ -216,7 +216,7 @@ def demonstrate_by_keyboard(
     if problem:
         complain(problem)
     if interrupts.came and sitting.kept and written:
-        complain(f"ended by {interrupts.name}; what was demonstrated until then is written")
+        complain(f"ended by {interrupts.name}; what was demonstrated until then is saved")
     return SittingResult(sitting.kept, written and problem is None)
 
 

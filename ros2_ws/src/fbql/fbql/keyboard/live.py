@@ -131,7 +131,7 @@ class LiveSimulator:
         if self._input.publishers() > 0 or SIMULATOR in self._instructor.node.get_node_names():
             self._instructor.close()
             raise BadInput(
-                f"a simulator runs already in ROS_DOMAIN_ID={self._domain_id}; "
+                f"a simulator is already running in ROS_DOMAIN_ID={self._domain_id}; "
                 "end it, or unset ROS_DOMAIN_ID to get a free domain"
             )
 

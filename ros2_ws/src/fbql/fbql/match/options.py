@@ -85,11 +85,11 @@ def match_parser(program: str, description: str) -> Parser:
     play.add_argument(
         "--policy",
         metavar="FILE",
-        help="policy.npz of an earlier run to start from, or none; without it fbql starts from the policy that ships, "
-        "unless it has other behaviors or other trees, or is to be guided; the other controllers start untrained",
+        help="policy.npz of an earlier run to start from, or none; by default fbql starts from the shipped policy, "
+        "unless its behaviors or trees differ or it has guided episodes; the other controllers start untrained",
     )
     play.add_argument(
-        "--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior (the trees that ship)"
+        "--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior (the shipped trees)"
     )
     add_observation_option(play)
     play.add_argument(
@@ -101,9 +101,12 @@ def match_parser(program: str, description: str) -> Parser:
     )
     result = parser.add_argument_group("what comes out")
     result.add_argument(
-        "--out", type=Path, metavar="DIR", help="run directory to make; it must not exist (runs/TIME-CONTROLLER-sSEED)"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="run directory to create; it must not exist (runs/TIME-CONTROLLER-sSEED)",
     )
-    result.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    result.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
     return parser
 
 
@@ -164,14 +167,14 @@ def _notes_on_the_start(fusion: FusionParameters, policy: Path | None, fits: boo
     if fusion.controller == "fbql" and not (fits or asked):
         yield "starts untrained: the shipped policy belongs to the shipped trees; --policy FILE names another"
     if not fusion.learn:
-        yield f"{fusion.controller} neither learns nor has a policy: its weights stay as they start; give --policy FILE"
+        yield f"{fusion.controller} neither learns nor has a policy: its weights stay as they were at the start; give --policy FILE"
 
 
 def _unused(fusion: FusionParameters, policy: Path | None, given: Sequence[str]) -> Iterator[str]:
     """The options that play no part with this controller."""
     learner = learns(fusion)
     if not (learner or fusion.learn):
-        yield f"--no-learn plays no part: {fusion.controller} does not learn"
+        yield f"--no-learn has no effect: {fusion.controller} does not learn"
     yield from without_part(fusion, given, guided_episodes(fusion, learner and fusion.learn, policy is not None) > 0)
 
 
@@ -292,7 +295,7 @@ def make_run_directory(match: Match) -> Match:
         try:
             RUNS.mkdir(exist_ok=True)
         except OSError as error:
-            raise BadInput(f"{RUNS}: can't be made ({error.strerror}); name a run directory with --out") from None
+            raise BadInput(f"{RUNS}: can't be created ({error.strerror}); name a run directory with --out") from None
     if match.out_named:
         create_run_directory(path)
         return match

@@ -57,7 +57,7 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tup
         ("recording", recorded or "none", f"{'messages in ' if recorded else ''}{run}"),
     ]
     if summary["incomplete"]:
-        rows.append(("", "INCOMPLETE", f"something could not be written; see {run / 'log'}"))
+        rows.append(("", "INCOMPLETE", f"some of the output could not be written; see {run / 'log'}"))
     title = f"{summary['controller']}, seed {summary['seed']}: {counted(goals, 'goal')} in {counted(episodes, 'episode')}{success}"
     lines = [f"  {name:<11} {value!s:>9}  {meaning}".rstrip() for name, value, meaning in rows]
     return "\n".join(["", title, "", *lines])
@@ -82,7 +82,7 @@ def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
             count = sum(row["phase"] == "guided" for row in csv.DictReader(file))
     except (OSError, KeyError):
         return []
-    return [("guided", count, "episodes first; only the lines below count them")] if count else []
+    return [("guided", count, "episodes came first; they count only in the lines below")] if count else []
 
 
 def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: bool = True) -> str:
@@ -97,14 +97,17 @@ def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: boo
     place = shlex.quote(str(run))
     if (run / "policy.npz").is_file():
         player += f" --policy {shlex.quote(str(run / 'policy.npz'))}"
-        other = player, "continue from what was learned" if learn else "learn on from the policy that was played"
+        other = (
+            player,
+            "continue from the learned policy" if learn else "continue learning from the policy that was played",
+        )
         player += "" if learn else " --no-learn"
     elif summary["controller"] == "subsumption":
         shipped = not same  # the shipped policy fits the usual behaviors, trees and parameters
         meaning = "fused by the shipped policy" if shipped else "and fbql learns to fuse them"
         other = f"{bringup}{'' if shipped else ' --policy none'}", f"the same behaviors, {meaning}"
     else:
-        other = f"{bringup} --controller subsumption", "the same behaviors, by priorities instead"
+        other = f"{bringup} --controller subsumption", "the same behaviors, selected by priority instead"
     steps = [other, (f"{player} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
     if summary["messages_recorded"]:
         steps.append((f"{typed('report')} {place}", "a page that shows what happened, step by step, and why"))

@@ -145,7 +145,7 @@ class RecordedBehaviors:
         copy = self._run.attachments.get(f"{recording_names.OBSERVATIONS}{name}.py")
         if not source and copy is not None and tree.behavior not in OBSERVATIONS:
             self.missing[name] = (
-                "what it senses is defined in a file of the user's; name that with --observation "
+                "what it senses is defined in a user file; name it with --observation "
                 f"(the recording has a copy, {recording_names.OBSERVATIONS}{name}.py)"
             )
             return None

@@ -312,7 +312,7 @@ def _words(
         for name, count in found.not_recomputed.items()
     ]
     if found.gap is not None:
-        lines.append(f"not compared: from {found.gap} on, before which messages are lost")
+        lines.append(f"not compared: everything from {found.gap} on, because messages before it are lost")
     if found.unfinished:
         lines.append("the last step before the cut is incomplete and was not compared")
     return "\n".join([*lines, *notes])

@@ -161,7 +161,7 @@ def _layers(run: Run) -> str:
         "approaching": f"the ball-to-goal line is more than {approach_rad:.4g} rad ({_degrees(approach_rad)}) off",
     }
     layers = [
-        f"<li>{html(name)}: when {triggers.get(name, 'what it senses is inside its tree')}</li>"
+        f"<li>{html(name)}: when {triggers.get(name, 'its observation lies inside the root region of its tree')}</li>"
         for name in parameters.layers
         if name in parameters.behaviors
     ]
@@ -212,7 +212,7 @@ def _about(contents: Contents, digests: Mapping[str, str]) -> str:
         ("steps in the recording", contents.steps),
         ("complete", run.is_complete),
     ]
-    parts = [_facts("What it was made with", facts)]
+    parts = [_facts("Origin", facts)]
     parts.append(_facts("SHA-256 of the files", digests.items(), code=True))
     parts.append(
         _facts("Hashes of the trees", ((_tree_name(contents, each), each) for each in contents.tree_hashes), True)
@@ -257,7 +257,7 @@ def _precision() -> str:
     """How the numbers on the page are rounded."""
     return (
         f"<p>Numbers on this page come from the recording, rounded to 0.1 mm, 0.1 mm/s, {UNIT:g} rad, {UNIT:g} rad/s, "
-        f"{UNIT:g} of a weight and 0.1 ms; Q and rewards to 7 digits. What was not recorded is {NOT_AVAILABLE}. The "
+        f"{UNIT:g} of a weight and 0.1 ms; Q and rewards to 7 digits. Anything that was not recorded is {NOT_AVAILABLE}. The "
         "arrows in the field, where the robot would go in the next quarter of a second, are computed from the wheel velocities. "
         "The field's lines and the sizes of robot and ball are those of the project that wrote this page.</p>"
     )

@@ -48,7 +48,7 @@ def text_of(line: Line, colour: bool) -> str:
 def trouble_with_terminal() -> str | None:
     """Why standard input's terminal can't be drawn on; None when it can."""
     if not os.isatty(0):
-        return "standard input is none; start it in a terminal"
+        return "standard input is not one; start it in a terminal"
     name = os.environ.get("TERM", "")
     return f"TERM is '{name}'; start it in another" if name in ("", "dumb", "unknown") else None
 
@@ -155,7 +155,7 @@ class Screen(RawTerminal):
 
     def __init__(self, ascii_only: bool = False) -> None:
         if trouble := trouble_with_terminal():
-            raise BadInput(f"a terminal is needed that can be drawn on: {trouble}")
+            raise BadInput(f"an interactive terminal is needed: {trouble}")
         try:
             super().__init__()
         except OSError as error:

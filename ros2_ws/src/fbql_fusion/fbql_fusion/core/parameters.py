@@ -75,7 +75,7 @@ def check_fusion(parameters: FusionParameters, where: str) -> None:
     for name in parameters.layers:
         if name not in known:
             raise BadInput(
-                f"{where}: parameter 'layers' has '{name}', which is none of the behaviors ({', '.join(names)}); "
+                f"{where}: parameter 'layers' has '{name}', which is not one of the behaviors ({', '.join(names)}); "
                 "correct its spelling or remove it"
             )
     if not set(parameters.layers) & set(names):
@@ -112,9 +112,9 @@ def without_part(parameters: FusionParameters, given: Collection[str], guided: b
         own = [f"{controller}_{stem}" for stem in _stems(name, owners) if f"{controller}_{stem}" in every]
         if not owners:
             if own and own[0] != name:
-                yield f"{name} plays no part: the controller is {controller}, whose own is {own[0]}"
+                yield f"{name} has no effect: the controller is {controller}, whose own is {own[0]}"
         elif controller not in owners and not (guided and GUIDE in owners):
-            belongs = f"{name} plays no part: it belongs to {' and '.join(owners)},"
+            belongs = f"{name} has no effect: it belongs to {' and '.join(owners)},"
             if GUIDE in owners:
                 yield f"{belongs} the controller is {controller}, and no episode is guided"
             else:

@@ -74,7 +74,7 @@ class MessageCodec[T]:
             values = [values[place] for place in self._pick] + self._defaults
         sec, nanosec, frame = values[:3]
         if sec < 0 or nanosec >= NS:
-            raise Malformed(f"the stamp ({sec} s, {nanosec} ns) is no time")
+            raise Malformed(f"the stamp ({sec} s, {nanosec} ns) is not a valid time")
         if frame != FIELD_FRAME:
             raise Malformed(f"frame_id is '{frame}', expected '{FIELD_FRAME}'")
         values[:3] = (sec * NS + nanosec,)
@@ -106,7 +106,7 @@ def _places(kind: type[Any], fields: Sequence[Field], type_name: str) -> list[in
             raise BadInput(f"the schema recorded for {type_name} lacks the field {name}, which is needed")
         recorded = fields[there[name]].kind
         if not _fits(recorded, hint):
-            raise BadInput(f"the schema recorded for {type_name} has {name} as {recorded}, which can't be it")
+            raise BadInput(f"the schema recorded for {type_name} has {name} as {recorded}, which is not usable")
         places.append(there[name])
     return places
 

@@ -70,7 +70,7 @@ class Recovery:
         words += [f"attachment {name}" for name in self.attachments_lost]
         words += ["what came after the end of the file"] * bool(self.cut_off)
         words += [f"when it was recovered before: {what}" for what in self.lost_before]
-        return ", ".join(words or ["something that no message tells of"] * bool(self.gaps)) or "nothing"
+        return ", ".join(words or ["data outside the known messages"] * bool(self.gaps)) or "nothing"
 
 
 def recover(source: Path, target: Path | None, progress: Callable[[str], None] = lambda _: None) -> Recovery:
@@ -134,9 +134,7 @@ class _Writing:
             name = scan.path.name
             done.notes += [f"{name}: {note}" for note in scan.notes]
             if scan.unchecked:
-                done.notes.append(
-                    f"{name}: {scan.unchecked} chunks or messages have no CRC: they are taken as they are"
-                )
+                done.notes.append(f"{name}: {scan.unchecked} chunks or messages have no CRC: they are used as they are")
             done.gaps += [(name, gap) for gap in scan.gaps]
             done.attachments_lost += [gap.attachment for gap in scan.gaps if gap.attachment]
             lost += Counter(scan.messages_lost(expected))

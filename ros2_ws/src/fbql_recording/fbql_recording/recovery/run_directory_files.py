@@ -62,7 +62,7 @@ class RunDirectoryFiles:
         told = custom_data_of(self._data.get(CONFIG, b""))
         mended = {**recorded, **told} if told else dict(recorded)
         if recorded and mended != dict(recorded):
-            notes.append("what the recording says about its run is damaged; its configuration tells it")
+            notes.append("what the recording says about its run is damaged; it is taken from the configuration")
         return mended
 
     def write_to(self, directory: Path, is_complete: bool) -> None:

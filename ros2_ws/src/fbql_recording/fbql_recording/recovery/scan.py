@@ -251,7 +251,7 @@ class Scan:
         opcode, length = HEAD.unpack(head)
         end = at + HEAD.size + length
         if end > self._bound(at):
-            raise Damaged("it is longer than its place")
+            raise Damaged("it is longer than its space")
         if length > MAX_RECORD_BYTES:
             raise Damaged(f"it is larger than {MAX_RECORD_BYTES >> 20} MiB")
         body = self._file.read(length)
@@ -498,7 +498,7 @@ class Scan:
             key = type(record), record.id
             if key in is_checked and known[key] != record:
                 kind = type(record).__name__.lower()
-                self.notes.append(f"{kind} {record.id} is damaged before the first chunk; another copy of it is taken")
+                self.notes.append(f"{kind} {record.id} is damaged before the first chunk; another copy of it is used")
             elif summary is not None and summary.channels and key not in is_checked:
                 continue
             elif known.setdefault(key, record) != record:
@@ -561,7 +561,7 @@ class Scan:
         for channel in [channel for channel in self.counts if channel not in self.topics]:
             count = self.counts.pop(channel)
             if count:
-                why = f"{count} messages: nothing that is sound describes channel {channel}"
+                why = f"{count} messages: no undamaged record describes channel {channel}"
                 self._found.insert(0, Gap(0, self.size, why, messages=Counter({channel: count})))
 
     # What is there

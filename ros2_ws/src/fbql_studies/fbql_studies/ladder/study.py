@@ -105,7 +105,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=argparse.SUPPRESS,  # where it is not given, a study's directory has no such option
         metavar="SOURCE",
-        help="controllers of your own that take part: the name of one that an installed package declares, or FILE.py:NAME",
+        help="your own controllers that take part: the name of one that an installed package declares, or FILE.py:NAME",
     )
 
 

@@ -41,7 +41,7 @@ class Guarded:
         selection = self._call("select", world, joint_state, outputs)
         wrong = _why_unusable(selection, self._behaviors)
         if wrong:
-            raise BadInput(f"{self._where}: 'select' gives {wrong}")
+            raise BadInput(f"{self._where}: 'select' returns {wrong}")
         weights, driver, q, learned = selection
         return (
             tuple([float(x) for x in weights]),

@@ -18,7 +18,9 @@ GUIDED_EPISODES = 20
 class SessionParameters:
     """A controller's own parameters are a dataclass that inherits from this one."""
 
-    controller: str = parameter("subsumption", "who fuses; fbql_literal: as the paper prints it", choices=CONTROLLERS)
+    controller: str = parameter(
+        "subsumption", "controller that fuses the behaviors; fbql_literal: as printed in the paper", choices=CONTROLLERS
+    )
     behaviors: list[str] = parameter(
         ["ball_seeking", "wall_avoiding", "approaching"], "names of the behaviors that are fused, in order"
     )

@@ -42,7 +42,7 @@ Fig. 9 with its many own goals. `tuned`: the honest control, tuned for the shipp
 class SubsumptionParameters(SessionParameters):
     """Its layers and when they are triggered."""
 
-    preset: str = parameter("tuned", "Subsumption's thresholds, where not given one by one", choices=tuple(PRESETS))
+    preset: str = parameter("tuned", "Subsumption's thresholds, unless given individually", choices=tuple(PRESETS))
     wall_threshold_m: float = parameter(
         FROM_PRESET, "Subsumption avoids walls nearer than this; negative: the preset's", unit="m", low=-1.0, high=10.0
     )

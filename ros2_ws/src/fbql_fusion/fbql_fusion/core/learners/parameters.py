@@ -18,7 +18,7 @@ class FeatureParameters(SessionParameters):
     """The features are described in `features`."""
 
     fbql_leaf_pairs: bool = parameter(True, "whether each leaf, and each pair of leaves, is a feature")
-    fbql_pair_tilings: int = parameter(4, "tilings of what each two behaviors sense", low=0, high=32)
+    fbql_pair_tilings: int = parameter(4, "tilings of what each pair of behaviors senses", low=0, high=32)
     fbql_pair_tiles: int = parameter(6, "tiles along each component of such a tiling", low=1, high=64)
     fbql_joint_tilings: int = parameter(4, "tilings of what all behaviors sense together", low=0, high=32)
     fbql_joint_tiles: int = parameter(4, "tiles along each component of such a tiling", low=1, high=64)

@@ -26,7 +26,7 @@ def check_arrays(arrays: Mapping[str, NDArray[Any]], expected: Mapping[str, tupl
         if found.dtype != _TYPES[kind] or found.shape != shape:
             raise BadInput(
                 f"the policy's array '{name}' is {found.dtype} {list(found.shape)}, "
-                f"expected {np.dtype(_TYPES[kind])} {list(shape)}: it is of other behaviors, parameters or another release; "
+                f"expected {np.dtype(_TYPES[kind])} {list(shape)}: it belongs to other behaviors, parameters or another release; "
                 "train it again"
             )
         if kind == "f" and not np.isfinite(found).all():

@@ -23,12 +23,12 @@ class LiteralParameters(SessionParameters):
     gain_low: float = parameter(0.0, "lower bound of delta (Q + f) in eq. 6; -1e9: as printed", low=-1e9, high=0.0)
     gain_high: float = parameter(1.0, "upper bound of delta (Q + f) in eq. 6; 1e9: as printed", low=0.0, high=1e9)
     weight_floor: float = parameter(
-        0.01, "no weight falls below it before they are normalised; -1e9: as printed", low=-1e9, high=1.0
+        0.01, "lower limit of each weight before normalization; -1e9: as printed", low=-1e9, high=1.0
     )
     tie_rule: str = parameter(
         "none",
-        "which behavior is eq. 6's argmax where several have the largest Q: none of them and no weight changes, "
-        "the first, all of them, or a random one",
+        "which behavior is eq. 6's argmax if several share the largest Q: none of them, so that no weight changes; "
+        "the first; all of them; or a random one",
         choices=TIE_RULES,
     )
     initial_q: float = parameter(0.0, "Q of a joint state that was never visited", low=-1e9, high=1e9)
