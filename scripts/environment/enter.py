@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 from collections.abc import Mapping
@@ -18,8 +19,9 @@ ROOT = Path(__file__).resolve().parents[2]
 ENTERED = "_FBQL_ENTERED"
 
 
-def enter(name: str, purpose: str = "run") -> None:
-    """Run `fbql NAME`, or the test suite, in the environment, and exit with what it returns.
+def enter(name: str, purpose: str = "run", module: str = "") -> None:
+    """Run `fbql NAME`, the test suite, or `MODULE.main(argv)` where a module is named, in the environment, and exit with
+    what it returns.
 
     `purpose` is run, test (adds the test tools) or study (adds what studies need, but not where only its help is asked for).
     Does not return.
@@ -27,6 +29,8 @@ def enter(name: str, purpose: str = "run") -> None:
     if os.environ.pop(ENTERED, None) == str(os.getpid()):
         if name == "test":
             run_tests(sys.argv[1:])
+        if module:
+            sys.exit(importlib.import_module(module).main(sys.argv[1:]))
         from fbql.cli.app import run
 
         sys.exit(run(name, sys.argv[1:], f"{name}.py"))
