@@ -113,7 +113,7 @@ def play(
             from the shipped policy, if it has the shipped trees and is not guided; other controllers start untrained.
         trees: directory with NAME.json of each behavior, or behavior -> tree or file, for those that differ from the
             shipped ones.
-        observations: FILE.py:NAME of what behaviors of your own sense.
+        observations: FILE.py:NAME of what your own behaviors sense.
         max_steps: steps after which an episode is truncated (a timeout).
         parameters: other parameters of fusion and simulation by name (docs/parameters.md).
         steps: whether to keep every step, about 0.5 kB each.
@@ -227,7 +227,7 @@ def induce(
         every: take every n-th step of a demonstration as a pattern.
         patterns: take at most this many patterns.
         leaves: number of leaves of method cart.
-        observations: FILE.py:NAME of what behaviors of your own sense.
+        observations: FILE.py:NAME of what your own behaviors sense.
         parameters: other parameters of the induction, such as split_cost or objective (docs/parameters.md).
 
     Raises:

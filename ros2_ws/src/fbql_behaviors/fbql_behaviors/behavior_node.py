@@ -43,7 +43,7 @@ class BehaviorNodeParameters:
 
 
 class BehaviorNode(GraphNode):
-    """One behavior, with the tree that ships for `behavior_name`, or the one in `tree_file`."""
+    """One behavior, with the shipped tree for `behavior_name`, or the one in `tree_file`."""
 
     def __init__(self, behavior_name: str = "", **options: Any) -> None:
         super().__init__(behavior_name or "behavior", **options)

@@ -48,7 +48,7 @@ def given_text(node: Node, name: str) -> str:
 
 
 def declare_parameters[T](node: Node, declaration: type[T]) -> T:
-    """Declares every field as a read-only parameter with type, range and description; gives the typed values.
+    """Declares every field as a read-only parameter with type, range and description; returns the typed values.
 
     Raises:
         BadInput: a parameter that the node does not know (a misspelt name in a YAML file would otherwise be

@@ -30,7 +30,7 @@ GROUP = "fbql.commands"
 
 
 class Command(NamedTuple):
-    """A command that ships."""
+    """A built-in command."""
 
     summary: str
     handles_signals: bool = True
@@ -79,7 +79,7 @@ def run(name: str, argv: Sequence[str], program: str = "") -> int:
     """Runs a command. Returns the exit code.
 
     Args:
-        program: what it calls itself; "fbql NAME" unless given.
+        program: the name it uses for itself; "fbql NAME" unless given.
     """
     program = program or f"fbql {name}"
     set_program(program)
@@ -110,7 +110,7 @@ def run(name: str, argv: Sequence[str], program: str = "") -> int:
 
 
 def names() -> list[str]:
-    """Every command, those of other packages too."""
+    """Every command, including those of other packages."""
     return list(dict.fromkeys((*COMMANDS, *(each.name for each in entry_points(group=GROUP)))))
 
 

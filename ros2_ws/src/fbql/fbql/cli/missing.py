@@ -22,9 +22,9 @@ EXTRAS = {
     "stable_baselines3": "peers",
     "foxglove": "foxglove",
 }
-"""Package -> the extra of the distribution `fbql` that brings it."""
+"""Package -> the extra of the distribution `fbql` that installs it."""
 LOCKS = {"foxglove": "foxglove", "peers": "peers"}
-"""Extra -> the lock file of a checkout that has it, where that is not study.txt."""
+"""Extra -> the lock file of a checkout that has it, if that is not study.txt."""
 
 
 def what_is_missing(module: str) -> str | None:

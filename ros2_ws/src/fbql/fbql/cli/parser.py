@@ -51,7 +51,7 @@ def add_parameter_options(
     """Adds an option for each parameter of a declaration (see `fbql_common.core.parameters`); without one it is None.
 
     Args:
-        extra: by parameter, one more choice and what is added to the help.
+        extra: by parameter, one more choice and the text that is added to the help.
     """
     group = parser.add_argument_group(title, description)
     kinds = types_of(declaration)

@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrupts) -> tuple[Match, Supervision]:
-    """Refuses all that can be refused, before there is a process or a directory."""
+    """Refuses everything that can be refused before there is a process or a directory."""
     for name, low, high in (("realtime", 0, 100), ("start_timeout", 0.1, 3600)):
         value = getattr(arguments, name)
         if not low <= value <= high:

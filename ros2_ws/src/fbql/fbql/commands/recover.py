@@ -1,4 +1,4 @@
-"""What is sound in a damaged recording as a new run directory, and what of it is lost."""
+"""Recovers the undamaged part of a recording as a new run directory, and reports what is lost."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def parser(program: str) -> Parser:
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Recovers the recording. Gives 0, or 3 where something is lost."""
+    """Recovers the recording. Returns 0, or 3 where something is lost."""
     begun_s = monotonic()
     with closing(LiveLine()) as line:
 

@@ -1,4 +1,4 @@
-"""A recorded run again: published on ROS, verified, or recomputed with other parameters or trees."""
+"""Replays a recorded run: publishes it on ROS, verifies it, or recomputes it with other parameters or trees."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _command(arguments: argparse.Namespace):
-    """The function that does it. Only what is needed is imported: verifying takes no ROS."""
+    """The function that does the work. Only what it needs is imported: verifying needs no ROS."""
     if arguments.verify:
         from fbql.replay.verification import verify_run
 

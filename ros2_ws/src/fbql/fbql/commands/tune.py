@@ -84,7 +84,7 @@ def _tree(behavior: str, directory: Path | None) -> Tree:
 
 
 def _parameters(arguments: argparse.Namespace) -> TuningParameters:
-    """The behavior's setting, with the command line's values instead."""
+    """The behavior's settings, replaced by the command line's values where given."""
     given = {name: value for name in types_of(TuningParameters) if (value := getattr(arguments, name)) is not None}
     parameters = replace(tuning_of(arguments.behavior), **given)
     check(parameters, "leaf tuning")

@@ -1,4 +1,5 @@
-"""The origin of demonstrations: who gave them, and how each world began, so that it can be driven again; merging recordings."""
+"""The origin of demonstrations: who gave them, and how each world started, so that it can be driven again; merging
+recordings."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class LiveSimulator:
     Args:
         parameters: of the world.
         domain_id: of the graph.
-        shared: whether the domain may hold nodes of others.
+        shared: whether the domain may contain other users' nodes.
         environment: of the simulator's process.
         log_directory: for the simulator's output and its parameter file.
         deliver: called with every world state; one comes again when no command follows.

@@ -1,8 +1,8 @@
 """Keys to wheel velocities, for terminals, which report that a key is pressed, and repeat it, but not that it is released.
 
 The speed is kept: each press changes it by one level. The turn ends when presses stop coming: a tap turns by a few degrees;
-holding the key (the terminal repeats it) keeps turning, and faster after a while. So one hand steers, and nothing has to be
-turned back.
+holding the key (the terminal repeats it) keeps turning, and faster after a while. So one hand is enough to steer, and
+no turn has to be undone.
 
 All velocities are whole levels of the paper's 29 (`fbql_behaviors.core.quantizer`), so that a pattern's class is exactly
 what was driven.
@@ -23,7 +23,7 @@ HOLD_S = 0.13
 REPEAT_S = 0.2
 """Presses of a turn key that are no farther apart than this count as one that is held [s]."""
 STRONGER_S = 0.25
-"""A turn key that is held turns one level more after each such interval [s]."""
+"""Holding a turn key adds one level of turn after each such interval [s]."""
 STRONGEST_TURN = 3
 """Strongest turn: difference between the wheels [levels], 5.4 rad/s."""
 

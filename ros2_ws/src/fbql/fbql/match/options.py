@@ -49,11 +49,11 @@ class Match:
     trees: Path | None = None
     """The directory of the trees, if the user named one."""
     observations: dict[str, str] = field(default_factory=dict[str, str])
-    """FILE.py:NAME of what a behavior of the user's own senses, by the behavior that its tree file names."""
+    """FILE.py:NAME of what each user-supplied behavior senses, by the behavior that its tree file names."""
     controller_file: str = ""
-    """FILE.py:NAME of a controller of the user's own."""
+    """FILE.py:NAME of a user-supplied controller."""
     notes: tuple[str, ...] = ()
-    """What the user may not expect, in a line each: how it starts, and which options play no part."""
+    """Notes on what the user may not expect, one line each: how the match starts, and which options have no effect."""
 
 
 def match_parser(program: str, description: str) -> Parser:
@@ -171,7 +171,7 @@ def _notes_on_the_start(fusion: FusionParameters, policy: Path | None, fits: boo
 
 
 def _unused(fusion: FusionParameters, policy: Path | None, given: Sequence[str]) -> Iterator[str]:
-    """The options that play no part with this controller."""
+    """The options that have no effect with this controller."""
     learner = learns(fusion)
     if not (learner or fusion.learn):
         yield f"--no-learn has no effect: {fusion.controller} does not learn"
@@ -179,7 +179,7 @@ def _unused(fusion: FusionParameters, policy: Path | None, given: Sequence[str])
 
 
 def _are_shipped(behaviors: dict[str, Path]) -> bool:
-    """Whether these are the behaviors that the shipped policy was learned with, whichever copies of their trees."""
+    """Whether these are the behaviors and trees that the shipped policy was learned with, in whatever files."""
     if list(behaviors) != FusionParameters().behaviors:
         return False
     try:
@@ -189,7 +189,7 @@ def _are_shipped(behaviors: dict[str, Path]) -> bool:
 
 
 def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any]) -> str:
-    """Adds the value of a --set to the node's that has the parameter. Gives the parameter's name."""
+    """Adds the value of a --set to the node's that has the parameter. Returns the parameter's name."""
     name, equals, text = setting.partition("=")
     declarations = ((fusion, fusion_parameters()), (simulation, SimulationParameters))
     for values, declaration in declarations:
@@ -203,7 +203,7 @@ def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any
 
 
 def similar(name: str, known: Sequence[str]) -> str:
-    """What to write instead of an unknown name: those like it, or where all of them are listed."""
+    """A hint for an unknown name: the names like it, or where all of them are listed."""
     found = get_close_matches(name, known)
     return f"did you mean {' or '.join(found)}?" if found else "docs/parameters.md has the names"
 
@@ -251,7 +251,7 @@ def _out(out: Path | None, fusion: FusionParameters) -> Path:
 
 
 def policy_told(match: Match) -> tuple[str, str] | None:
-    """In a word, and in more, the policy that a match starts from; None where the controller has none."""
+    """The policy that a match starts from, in one word and in a sentence; None if the controller has none."""
     if not learns(match.fusion):
         return None
     if match.policy is None:
@@ -262,9 +262,11 @@ def policy_told(match: Match) -> tuple[str, str] | None:
 
 
 def same_options(match: Match) -> str:
-    """The options by which bringup has the behaviors, trees and parameters of a match again, for a shell; each after a space.
+    """The options that give bringup the behaviors, trees and parameters of a match again, for a shell; each after a
+    space.
 
-    What the next run chooses anew is left out: controller, policy, seed, how many episodes or goals, whether it learns.
+    Options that the next run chooses anew are left out: controller, policy, seed, how many episodes or goals, whether
+    it learns.
     """
     words = [word for source in match.observations.values() for word in ("--observation", source)]
     if match.trees is not None:
@@ -285,7 +287,7 @@ def set_text(value: object) -> str:
 
 
 def make_run_directory(match: Match) -> Match:
-    """Makes the run directory, and runs/ of this checkout for one in there. Gives the match with the directory that was made.
+    """Creates the run directory, and the checkout's runs/ if it goes there. Returns the match with that directory.
 
     Raises:
         BadInput: it exists, or can't be made.

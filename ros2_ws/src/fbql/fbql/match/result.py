@@ -13,7 +13,7 @@ from fbql.cli.words import counted, percent
 
 
 def status_line(status: Mapping[str, str], width: int | None = None) -> str:
-    """One line from the fields of a status (those of fbql_fusion.status), in the longest form that fits."""
+    """One line from the fields of a status (those of fbql_fusion.status), in the longest form that fits the width."""
     names, weights = status["weights"].split()[::2], status["weights"].split()[1::2]
     named = " ".join(f"{name} {weight}" for name, weight in zip(names, weights, strict=True))
     goals, own_goals, timeouts = status["goals"], status["own_goals"], status["timeouts"]
@@ -35,7 +35,8 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tup
     Args:
         run: the run directory.
         dt_s: simulated time of one step [s].
-        policy: the policy that the match started from, in one word and in more; None for a controller that has none.
+        policy: the policy that the match started from, in one word and in a sentence; None for a controller that has
+            none.
     """
     episodes, goals, rate = summary["episodes"], summary["goals"], summary["success_rate"]
     success = "" if rate is None else f", success rate {percent(rate)}"

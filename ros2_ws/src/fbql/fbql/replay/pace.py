@@ -6,7 +6,7 @@ from collections.abc import Callable
 from enum import Enum
 
 POLL_S = 0.02
-"""Time between two looks at the keys while there is nothing to wait for [s]."""
+"""Time between two checks of the keys while there is nothing to wait for [s]."""
 _WAIT_S = 0.1
 _NS = 1_000_000_000
 
@@ -17,7 +17,7 @@ class Order(Enum):
     PAUSE = "space"
     """Pause, or continue."""
     STEP = "s"
-    """Publish what has the next time stamp, then pause."""
+    """Publish everything with the next time stamp, then pause."""
     QUIT = "q"
 
 

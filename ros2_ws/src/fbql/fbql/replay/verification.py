@@ -1,7 +1,7 @@
 """`replay RUN --verify`: recomputes a recorded run, every leaf, reference, Q, weight and command, and compares bit by bit.
 
-The bytes that would go over the wire are compared. Where they differ, so are the fields: padding, which a middleware may
-leave as it was in memory, is no difference.
+The bytes that would go over the wire are compared. If they differ, the fields are compared: a middleware may leave
+garbage in the padding, which does not count as a difference.
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ def _codec(run: Run, name: str) -> MessageCodec[Any]:
 
 
 def _compared(codec: MessageCodec[Any], value: Any, recorded: bytes) -> _Differs | None:
-    """The first field, in the order in which one follows from the other, whose bits are not as recorded."""
+    """The first field, in causal order, whose bits differ from the recorded ones."""
     if codec.is_ours and codec.encode(value) == recorded:
         return None
     there = codec.decode(recorded)
@@ -233,7 +233,7 @@ _CAUSES = (
     *("observation", "leaf_id", "left_rad_s", "right_rad_s"),
     *("joint_state", "reward", "q", "learned_weights", "weights", "driver"),
 )
-"""Fields in the order in which one follows from another; the others come last."""
+"""Fields in causal order: each may depend on those before it; the others come last."""
 
 
 def _bits(value: Any) -> Any:
@@ -276,7 +276,7 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
 
 
 def _other_digest(run: Run, found: Verification) -> Difference | None:
-    """The digest in the run's summary, if it differs: then a world state was changed that nothing depended on."""
+    """The digest in the run's summary, if it differs: then a world state that nothing depended on was changed."""
     summary = run.summary
     if not run.is_complete or summary is None or summary.get("digest") == found.digest:
         return None

@@ -60,7 +60,7 @@ def _answer(output: BehaviorOutput | None) -> tuple[Any, ...] | None:
 
 
 def compared(run: Run, session: Session, behaviors: Mapping[str, Behavior]) -> Iterator[Compared]:
-    """Every step of a recording, decided by another session.
+    """Every step of a recording, decided again by another session.
 
     Args:
         session: without a limit on episodes or goals: the recording says when the run ends.

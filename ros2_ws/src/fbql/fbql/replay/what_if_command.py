@@ -39,7 +39,8 @@ _ENDLESS = {"episodes": 0, "goals": 0}
 
 
 def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Recomputes a run with what the arguments change, and prints how that differs. Returns 0. Raises BadInput."""
+    """Recomputes a run with the changes that the arguments make, and prints the differences. Returns 0. Raises
+    BadInput."""
     controller = know_controller(arguments.controller).name if arguments.controller else ""
     recorded, notes = recorded_parameters(run)
     parameters = _changed(recorded, arguments, controller)
@@ -185,7 +186,7 @@ def _share(count: int, of: int) -> str:
 
 
 class _Table:
-    """A CSV of all steps: what was recorded beside what would have been."""
+    """A CSV of all steps: recorded beside recomputed values."""
 
     def __init__(self, file: TextIO, behaviors: Sequence[str]) -> None:
         self._writer = csv.writer(file, lineterminator="\n")

@@ -1,4 +1,5 @@
-"""The report of an induction: one HTML page that stands alone, with what went in, how it went, and the tree explained.
+"""The report of an induction: one self-contained HTML page, with the input, the course of the induction, and the tree
+explained.
 
 The page holds no clock and no path of this machine: the same induction gives the same page, byte for byte.
 """
@@ -44,7 +45,7 @@ i.swatch { display: inline-block; width: 12px; height: 12px; border-radius: 3px;
 
 @dataclass(frozen=True)
 class Induction:
-    """All that a report tells of."""
+    """Everything that a report shows."""
 
     tree: Tree
     patterns: Patterns
@@ -54,11 +55,11 @@ class Induction:
     method: str
     objective: str
     value: float
-    """The value of the root as the method has it [nat]: learned values may still be too high."""
+    """The value of the root according to the method [nat]: learned values may still be too high."""
     worth: float
-    """What the tree really is worth [nat]."""
+    """The true value of the tree [nat]."""
     optimum: float
-    """What the best tree of half-splits is worth [nat]."""
+    """The value of the best tree of half-splits [nat]."""
     rmse: float | None
     """Held-out error [levels]."""
     training_rmse: float
@@ -118,7 +119,7 @@ def _tiles(induction: Induction) -> str:
 
 
 def _course(induction: Induction) -> str:
-    """How the method came to its tree."""
+    """How the method arrived at its tree."""
     if induction.curve:
         points = [(float(trial), value) for trial, value in enumerate(induction.curve, start=1)]
         figure = curve_svg("Learning", points, "trial", "value of the root [nat]", ("optimum", induction.optimum))

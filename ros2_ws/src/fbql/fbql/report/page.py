@@ -1,6 +1,5 @@
-"""The report of a run: one HTML page that stands alone and makes no network request.
-
-Its security policy tells the browser so too: no request is allowed, and no script but the page's own runs.
+"""The report of a run: one self-contained HTML page that makes no network request. Its security policy makes the
+browser enforce this: no request is allowed, and no script but the page's own runs.
 """
 
 from __future__ import annotations
@@ -70,7 +69,7 @@ def write_page(run: Run, out: TextIO, progress: Callable[[int], None]) -> Conten
 
 
 def _hash(text: str) -> str:
-    """A script or style as a security policy names it."""
+    """A script's or style's hash as a security policy writes it."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 
@@ -135,7 +134,7 @@ def _controllers(contents: Contents) -> str:
 
 
 def _senses(contents: Contents) -> str:
-    """What the features in the rules mean, as far as they are ours."""
+    """What the features in the rules mean, where they are features of this project."""
     names = {feature.name for tree in contents.trees.values() for feature in tree.features}
     known = [
         f"<div><dt>{name.replace('_', ' ')}</dt><dd>{FEATURES[name]}</dd></div>" for name in FEATURES if name in names

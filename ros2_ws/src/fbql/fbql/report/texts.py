@@ -55,7 +55,7 @@ def html(text: object) -> str:
 
 
 def value_text(value: object, depth: int = 0) -> str:
-    """A value of a parameter as a text, cut to a few items and levels: YAML can nest without end."""
+    """A value of a parameter as a text, cut to a few items and levels: YAML can nest without limit."""
     if value is None:
         return NOT_AVAILABLE
     if isinstance(value, bool):

@@ -97,7 +97,7 @@ class Patterns:
         return digest.hexdigest()
 
     def warnings(self) -> list[str]:
-        """Warnings, one line each, about patterns that a tree can be made from but that look wrong."""
+        """Warnings, one line each, about patterns that can be used but look wrong."""
         if len(self) == 1:
             return ["there is one pattern only: the tree will be a single leaf"]
         _, counts = np.unique(self.wheel_class, return_counts=True)
