@@ -1,4 +1,4 @@
-"""The parameters of the fusion node beside those of fusion itself."""
+"""The fusion node's parameters other than those of fusion itself."""
 
 from __future__ import annotations
 

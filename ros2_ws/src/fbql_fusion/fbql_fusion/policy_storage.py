@@ -1,4 +1,4 @@
-"""Policies as files: a .npz of plain arrays, checked before anything in it is believed. Never a pickle.
+"""Policies as files: a .npz of plain arrays, checked before anything in it is used. Never a pickle.
 
 Arrays: format_version int64 [], kind text [], behaviors text [n], tree_hashes text [n], leaf_counts int64 [n], and
 the controller's own arrays as array/<name>.
@@ -28,11 +28,11 @@ MAX_ARRAYS = 64
 _PREFIX = "array/"
 
 _NO_POLICY = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, MemoryError)
-"""What zipfile and NumPy raise for bytes that are no .npz."""
+"""What zipfile and NumPy raise for bytes that are not a .npz file."""
 
 
 def save_policy(path: Path, policy: Policy) -> None:
-    """Writes a policy, whole or not at all.
+    """Writes a policy, completely or not at all.
 
     Raises:
         BadInput: a value that is not finite: such a policy would be refused when it is loaded.
@@ -42,7 +42,7 @@ def save_policy(path: Path, policy: Policy) -> None:
 
 
 def policy_bytes(policy: Policy) -> bytes:
-    """The file's bytes: the same policy, the same bytes.
+    """The file's bytes; the same policy gives the same bytes.
 
     Raises:
         BadInput: a value that is not finite.
@@ -86,7 +86,7 @@ def load_policy(path: Path) -> Policy:
 
 
 def policy_from_bytes(data: bytes, where: str) -> Policy:
-    """The same, of a file's bytes, as a recording holds them. `where` is what they are called in an error."""
+    """The policy in a file's bytes, such as those in a recording. `where` names them in errors."""
     return _policy_in(io.BytesIO(data), where)
 
 
@@ -120,7 +120,7 @@ def _read(file: IO[bytes]) -> dict[str, NDArray[Any]]:
 
 
 def _read_array(name: str, file: IO[bytes], size: int) -> NDArray[Any]:
-    """One .npy; its header must promise exactly the bytes that are there."""
+    """One .npy; its header must declare exactly the bytes that are there."""
     if npy.read_magic(file) != (1, 0):
         raise BadInput(f"array '{name}' has a .npy version other than 1.0")
     shape, fortran_order, dtype = npy.read_array_header_1_0(file)

@@ -1,5 +1,6 @@
-"""The report of a run: one self-contained HTML page that makes no network request. Its security policy makes the
-browser enforce this: no request is allowed, and no script but the page's own runs.
+"""The report of a run: one self-contained HTML page that makes no network request.
+
+Its security policy makes the browser enforce this: no request is allowed, and no script but the page's own runs.
 """
 
 from __future__ import annotations

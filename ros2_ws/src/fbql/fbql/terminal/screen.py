@@ -55,9 +55,10 @@ def trouble_with_terminal() -> str | None:
 
 class RawTerminal:
     """The terminal that is standard input, between `with` and its end: every key arrives immediately, and none is
-    echoed. Ctrl-Z restores it until the process continues; Ctrl-C remains a signal. In the background it is not taken
-    over: the shell has it then, until `fg`. Raises OSError when standard input is not a terminal, or one that can't be
-    opened.
+    echoed.
+
+    Ctrl-Z restores it until the process continues; Ctrl-C remains a signal. In the background it is not taken over: the
+    shell has it then, until `fg`. Raises OSError when standard input is not a terminal, or one that can't be opened.
     """
 
     def __init__(self) -> None:

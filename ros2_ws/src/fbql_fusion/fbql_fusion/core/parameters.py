@@ -1,4 +1,4 @@
-"""Everything that fusion can be told, as one flat set of names, and which of it plays a part with which controller."""
+"""All parameters of fusion as one flat set of names, and which of them each controller uses."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ __all__ = [
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 GUIDE = "subsumption"
-"""Who drives the guided episodes."""
+"""The controller that drives the guided episodes."""
 
 
 @dataclass(frozen=True)
 class FusionParameters(FbqlValueParameters, FbqlParameters, LiteralParameters, SubsumptionParameters):
-    """The parameters of the session, of Subsumption and of every learner. Each is declared by who uses it, and
-    `Limits.owners` names these. `docs/deviations.md` says which of them the paper leaves open."""
+    """The parameters of the session, of Subsumption and of every learner. Each is declared by the part that uses it,
+    and `Limits.owners` names these parts. `docs/deviations.md` lists which of them the paper leaves open."""
 
     @property
     def collision_reward(self) -> float:
-        """The reward of a collision in force: a controller's own, NAME_reward_collision, or the one shared by the rest."""
+        """The reward of a collision in force: a controller's own, NAME_reward_collision, or else the shared one."""
         return getattr(self, f"{self.controller}_reward_collision", self.reward_collision)
 
 
 def check_fusion(parameters: FusionParameters, where: str) -> None:
-    """Raises BadInput naming the first parameter that is wrong by itself or beside the others."""
+    """Raises BadInput naming the first parameter that is wrong by itself or in combination with others."""
     check(parameters, where)
     names = parameters.behaviors
     if not names:
@@ -97,10 +97,10 @@ def guided_episodes(parameters: SessionParameters, learning: bool, has_policy: b
 
 
 def without_part(parameters: FusionParameters, given: Collection[str], guided: bool) -> Iterator[str]:
-    """A line for each parameter that was given but plays no part with the controller in force.
+    """A line for each parameter that was given but has no effect with the controller in force.
 
     Args:
-        given: names of parameters; others than fusion's are left out.
+        given: names of parameters; those that are not fusion's are ignored.
         guided: whether there are guided episodes, in which Subsumption drives.
     """
     controller = parameters.controller

@@ -11,7 +11,7 @@ CONTROLLERS = ["fbql", "fbql_literal", "fbql_value", "subsumption", "uniform"]
 UP_TO_THE_CONTROLLER = -1
 """The value of `guided` that leaves the number of guided episodes to the controller."""
 GUIDED_EPISODES = 20
-"""Guided episodes of a learning controller, unless said otherwise (the paper's III.B)."""
+"""Default number of guided episodes of a learning controller (the paper's III.B)."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from math import isfinite
 
 
 def fused_value(weights: Sequence[float], q: Sequence[float]) -> float:
-    """sum_j w(s', B_j) Q(s', B_j): what the next state is worth, in eq. 5."""
+    """sum_j w(s', B_j) Q(s', B_j): the value of the next state, in eq. 5."""
     value = 0.0
     for w, x in zip(weights, q, strict=True):
         value += w * x
@@ -64,8 +64,8 @@ def printed_weights(
         weight_offset: f.
 
     Returns:
-        Length n. Nothing keeps them within [0, 1] or their sum at 1: Q + f < 0 turns the update around,
-        delta (Q + f) > 1 overshoots.
+        Length n. Nothing keeps them within [0, 1] or their sum at 1: Q + f < 0 reverses the update, delta (Q + f) > 1
+        overshoots.
     """
     return bounded_weights(weights, q, best, weight_gain, weight_offset, float("-inf"), float("inf"))
 

@@ -1,4 +1,4 @@
-"""The parameters of FBQL as printed (`controller` fbql_literal): those of eqs. 5 and 6, and what bounds them."""
+"""The parameters of FBQL as printed (`controller` fbql_literal): those of eqs. 5 and 6, and their bounds."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TIE_RULES = ("none", "first", "all", "random")
 @owned_by("fbql_literal")
 @dataclass(frozen=True)
 class LiteralParameters(SessionParameters):
-    """What `docs/deviations.md` says about the paper's own update."""
+    """The parameters of the paper's own update; see `docs/deviations.md`."""
 
     learning_rate: float = parameter(0.1, "alpha of eq. 5", low=0.0, high=1.0)
     discount: float = parameter(0.99, "gamma of eq. 5, per step", low=0.0, high=1.0)

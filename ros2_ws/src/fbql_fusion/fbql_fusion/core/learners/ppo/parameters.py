@@ -12,7 +12,7 @@ from fbql_fusion.core.learners.parameters import PLAYS, FeatureParameters
 @owned_by("fbql")
 @dataclass(frozen=True)
 class FbqlParameters(FeatureParameters):
-    """What `docs/fusion.md` calls eqs. 10 to 15. The defaults were chosen on training seeds and tree sets."""
+    """The parameters of eqs. 10 to 15 in `docs/fusion.md`. The defaults were chosen on training seeds and tree sets."""
 
     fbql_hold_steps: int = parameter(4, "steps for which fbql holds a decision while it learns", low=1, high=1000)
     fbql_play_steps: int = parameter(

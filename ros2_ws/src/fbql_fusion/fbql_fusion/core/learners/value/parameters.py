@@ -12,7 +12,7 @@ from fbql_fusion.core.learners.parameters import PLAYS, FeatureParameters
 @owned_by("fbql_value")
 @dataclass(frozen=True)
 class FbqlValueParameters(FeatureParameters):
-    """What `docs/fusion.md` calls eqs. 16 to 20. The defaults were chosen on training seeds and tree sets."""
+    """The parameters of eqs. 16 to 20 in `docs/fusion.md`. The defaults were chosen on training seeds and tree sets."""
 
     fbql_value_hold_steps: int = parameter(
         8, "steps for which fbql_value holds a decision while it learns", low=1, high=1000
