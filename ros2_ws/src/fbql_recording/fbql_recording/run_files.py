@@ -1,6 +1,6 @@
 """Where a recording's files are: a run directory, any directory that `ros2 bag` accepts, or one MCAP file alone.
 
-Nothing outside of the directory is ever read, whatever its metadata.yaml or a symbolic link in it says.
+Nothing outside of the directory is ever read, not even if its metadata.yaml or a symbolic link in it points there.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import yaml
 from fbql_common.core.errors import BadInput
 
 MAX_TEXT_BYTES = 16 * 2**20
-"""Largest metadata.yaml, config.yaml or the like that is read."""
+"""Largest metadata.yaml, config.yaml or similar file that is read."""
 
 
 @dataclass
