@@ -27,7 +27,7 @@ _RUNNER_OPTIONS = ("study", "jobs", "out", "scheduler", "json")
 
 
 def run(options: Any, interrupts: Interrupts) -> int:
-    """Runs the tasks that are not done yet, and reports the whole study. Returns 0, or 1 where a task failed."""
+    """Runs the remaining tasks, and reports the whole study. Returns 0, or 1 if a task failed."""
     if options.jobs < 1:
         raise BadInput(f"--jobs is {options.jobs}; it must be 1 or more")
     study = study_of(options.study)

@@ -1,4 +1,5 @@
-"""Ablation: what each part of fbql is worth. One (once two) is taken out, the rest trained and played like the default."""
+"""Ablation: what each part of fbql contributes. One part (once two) is removed, and the rest is trained and played
+like the default."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ CAPTIONS = {
 }
 COLUMNS, words = variants.COLUMNS, variants.words
 SEEDS = Seeds(1401, 9000)
-"""Used for nothing else: on the seeds that the parts were chosen on, the default would look better than it is."""
+"""Used for nothing else: on the seeds used to choose the parts, the default would look better than it is."""
 VARIANTS = Variants(
     seeds=SEEDS,
     trained=changing(

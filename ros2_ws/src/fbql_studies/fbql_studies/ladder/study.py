@@ -1,7 +1,7 @@
 """The ladder: FBQL trained on fresh tree sets, then played frozen against its controls on the same unseen episodes.
 
-A task is the training of one learner on one tree set with one seed, or the controls of one tree set. Training, tuning and
-judging have run seeds of their own.
+A task is the training of one learner on one tree set with one seed, or the controls of one tree set. Training, tuning
+and evaluation use separate run seeds.
 """
 
 from __future__ import annotations
@@ -70,13 +70,13 @@ TRAINED: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     SENSED: (FBQL, SENSED_CRITIC),
     FBQL_VALUE: (FBQL_VALUE, {}),
 }
-"""What is trained -> its controller, and the parameters that differ from its defaults."""
+"""Learner -> its controller, and the parameters that differ from its defaults."""
 ASKED = {"fbql": FBQL, "fbql_sensed": SENSED, "fbql_value": FBQL_VALUE}
 ALL = "all"
 
 
 def _methods_of(learner: str) -> tuple[str, ...]:
-    """A learner's frozen twins and what it learned."""
+    """The method that a learner trained, and its frozen twins."""
     return untrained(learner), drawn(untrained(learner)), guided(learner), learner
 
 

@@ -1,8 +1,8 @@
 """The paper's protocol: 20 guided episodes, then until 50 goals, for every method on the same trees and the same starts.
 
-A task is a tree set and some run seeds; the Subsumption that is tuned for a tree set has a task of its own, so that it is
-tuned once. Every method meets the same episodes: methods that learn nothing play the guided ones as well, so that episode k
-of a run has the same start for each.
+A task is a tree set and some run seeds; the Subsumption that is tuned for a tree set has its own task, so that it is
+tuned only once. Every method meets the same episodes: methods that learn nothing play the guided ones as well, so that
+episode k of a run has the same start for each.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ MOST_TREE_SETS = 100
 """The tree sets of other studies come after these."""
 RUNS_PER_TASK = 4
 MOST_EPISODES = 400
-"""A run ends after so many episodes, however many goals it has."""
+"""A run ends after this many episodes, regardless of its goals."""
 
 
 def _methods_of(learner: str) -> dict[str, FusionParameters]:
@@ -98,13 +98,14 @@ METHODS: dict[str, FusionParameters] = {
     LITERAL_TWIN: FusionParameters(controller="fbql_literal", learn=False),
     **{method: fusion for learner in LEARNERS for method, fusion in _methods_of(learner).items()},
 }
-"""The guide of a learner is Subsumption with the tuned preset unless the method's name says otherwise."""
+"""The guide of a learner is Subsumption with the tuned preset unless the method's name names another."""
 TWINS: dict[str, dict[str, str]] = {
     method: {"untrained": untrained(learner), "guided": guided(method)}
     for learner in LEARNERS
     for method in (learner, papers_guide(learner))
 }
-"""Method that learns -> its frozen twins: the same execution that never learned, or stopped after the guided episodes."""
+"""Method that learns -> its frozen twins: the same play without learning at all, or with learning stopped after the
+guided episodes."""
 CONTROLS = {"paper": PAPER, "retuned": RETUNED, "frozen": LITERAL_TWIN}
 
 

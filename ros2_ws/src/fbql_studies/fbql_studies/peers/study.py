@@ -2,7 +2,7 @@
 
 A learner trains with a training seed (below FIRST_RUN_SEED) and then plays frozen on the episodes of another seed, the same
 ones for every method of a tree set and seed. What is tuned for a tree set is tuned on training episodes. Stable-Baselines3
-and torch are an optional extra (requirements/peers.txt): without them its rows say so.
+and torch are an optional extra (requirements/peers.txt): without them its rows read "not installed".
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def _run_row(method: str, tree_set: int, seed: int, score: Score, training_steps
 
 
 def table(results: Mapping[str, Result]) -> list[Row]:
-    """Method x what it reached frozen, with intervals over runs, and paired with Subsumption on the same episodes."""
+    """Each method's frozen play, with intervals over runs, and paired with Subsumption on the same episodes."""
     from fbql_studies.peers.learners import NEED_PPO
 
     runs = runs_of(results)

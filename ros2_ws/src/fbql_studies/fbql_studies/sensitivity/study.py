@@ -21,7 +21,7 @@ CAPTIONS = {
 }
 COLUMNS, words = variants.COLUMNS, variants.words
 SEEDS = Seeds(1101, 3000)
-"""The seeds that the defaults were chosen on; the ladder and the ablation judge on others."""
+"""The seeds that the defaults were chosen on; the ladder and the ablation evaluate on others."""
 
 
 def _series(name: str, parameter: str, *values: Any) -> dict[str, Changes]:
