@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from fbql.cli.observations import know_observations
+from fbql.cli.observations import register_observations
 from fbql_behaviors import observation_loading
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.instructors import INSTRUCTORS, instructor_of
@@ -158,7 +158,7 @@ def test_an_installed_package_brings_an_observation_by_its_entry_point(
     installed(tmp_path, "their_first:pacing", package="their_first")
     monkeypatch.syspath_prepend(tmp_path)
     assert find_observation("pacing").sense(WORLD) == (0.25,)
-    assert know_observations([], ["pacing"]) == {}
+    assert register_observations([], ["pacing"]) == {}
     assert OBSERVATIONS["pacing"].sense(WORLD) == (0.25,)
 
 
@@ -189,17 +189,17 @@ def test_two_packages_for_one_behavior_are_refused_by_name(tmp_path: Path, monke
 
 def test_what_a_command_is_told_is_known_from_then_on(write: Write) -> None:
     path = write()
-    assert know_observations([str(path)], ["pacing"]) == {"pacing": f"{path}:pacing"}
-    know_observations([str(path)])
+    assert register_observations([str(path)], ["pacing"]) == {"pacing": f"{path}:pacing"}
+    register_observations([str(path)])
     assert instructor_of("pacing")((0.0,)) == (10.0, 20.0)
     tree = Tree("pacing", OBSERVATIONS["pacing"].features, (0,), (Leaf(1.0, 2.0, 3),))
     assert Behavior("pacer", tree).answer(WORLD).observation == (0.25,)
     with pytest.raises(BadInput, match="behavior 'pacing' already has an observation"):
-        know_observations([str(write(name="other.py"))])
+        register_observations([str(write(name="other.py"))])
 
 
 def test_an_observation_without_an_instructor_has_none(write: Write) -> None:
-    know_observations([str(write(SOUND.replace("sense, law", "sense")))])
+    register_observations([str(write(SOUND.replace("sense, law", "sense")))])
     with pytest.raises(BadInput, match="'pacing' has no scripted instructor"):
         instructor_of("pacing")
     assert instructor_of("ball_seeking") is INSTRUCTORS["ball_seeking"]

@@ -14,7 +14,7 @@ import pytest
 from bringup_run import Run, Terminal
 from fbql.cli import output
 from fbql.cli.output import LiveLine
-from fbql.match.options import match_from, match_parser, policy_told
+from fbql.match.options import match_from, match_parser, policy_summary
 from fbql.match.result import next_steps, status_line, summary_text
 from run_directory_reader import summary_of
 
@@ -118,7 +118,7 @@ def test_guided_episodes_are_told_apart_from_what_they_count_in(tmp_path: Path) 
 def test_a_result_names_the_policy_that_it_began_from(tmp_path: Path) -> None:
     def told(*words: str) -> str:
         options = match_parser("bringup.py", "").parse_args([*words, "--out", "/run"])
-        return summary_text(SUMMARY, Path("/run"), 1 / 60, policy_told(match_from(options)))
+        return summary_text(SUMMARY, Path("/run"), 1 / 60, policy_summary(match_from(options)))
 
     assert "  policy        shipped  which it started from; --policy none starts untrained\n" in told()
     assert "  policy           none  it started untrained\n" in told("--policy", "none")

@@ -36,20 +36,20 @@ def is_file(source: str) -> bool:
     return source.endswith(".py") or ".py:" in source
 
 
-def know_controller(source: str) -> KnownController:
+def resolve_controller(source: str) -> KnownController:
     """Registers a controller: FILE.py:NAME, or the name of one that is known or installed.
 
     Raises BadInput, with the file and the reason, if there is none or it can't be used.
     """
     if is_file(source):
         return _from_file(source)
-    if not know_installed(source):
+    if not register_installed(source):
         known = ", ".join([*CONTROLLERS, *sorted(installed())])
         raise BadInput(f"unknown controller '{source}'; choose one of: {known}; or FILE.py:NAME for your own")
     return KnownController(source)
 
 
-def know_installed(name: str) -> bool:
+def register_installed(name: str) -> bool:
     """Registers a controller of an installed package. Returns whether a controller of this name is known now."""
     if name in CONTROLLERS:
         return True

@@ -34,7 +34,7 @@ from fbql_msgs.msg import FusionDecision
 from fbql_msgs.msg import WheelCommand as WheelCommandMsg
 from fbql_msgs.srv import SavePolicy
 
-from fbql_fusion.controller_loading import know_controller, know_installed
+from fbql_fusion.controller_loading import register_installed, resolve_controller
 from fbql_fusion.core.assembly import Arrival, Step, StepAssembly
 from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.session import Session
@@ -265,9 +265,9 @@ def _know_controller(node: FusionNode) -> str:
     Returns the name of the one in `controller_file`, or "". Raises BadInput.
     """
     if source := given_text(node, "controller_file"):
-        return know_controller(source).name
+        return resolve_controller(source).name
     if name := given_text(node, "controller"):
-        know_installed(name)
+        register_installed(name)
     return ""
 
 

@@ -20,7 +20,7 @@ def add_observation_option(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def know_observations(sources: Sequence[str], behaviors: Sequence[str] = ()) -> dict[str, str]:
+def register_observations(sources: Sequence[str], behaviors: Sequence[str] = ()) -> dict[str, str]:
     """Registers the observations of these files, and those that installed packages provide for these behaviors.
 
     Returns the file (FILE.py:NAME, absolute) of each behavior that came from one. Raises BadInput.

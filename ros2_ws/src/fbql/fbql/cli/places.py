@@ -13,7 +13,7 @@ ROOT = Path(os.environ.get(CHECKOUT) or Path.cwd())
 RUNS = ROOT / "runs"
 
 
-def typed(name: str) -> str:
+def command_text(name: str) -> str:
     """How a user types a command here."""
     return f"python3 scripts/{name}.py" if CHECKOUT in os.environ else f"fbql {name}"
 

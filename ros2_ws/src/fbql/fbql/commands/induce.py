@@ -21,7 +21,7 @@ from fbql_common.core.parameters import types_of
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import add_observation_option, know_observations
+from fbql.cli.observations import add_observation_option, register_observations
 from fbql.cli.output import print_result, say, warn, writing
 from fbql.cli.parser import Parser, add_json_option, add_parameter_options
 from fbql.cli.places import new_path
@@ -83,7 +83,7 @@ def parser(program: str) -> Parser:
 
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     """Induces the tree. Returns 0."""
-    know_observations(arguments.observation, [arguments.behavior])
+    register_observations(arguments.observation, [arguments.behavior])
     names = ("seed", "every", "patterns", "leaves", *types_of(InductionParameters))
     request = request_of(arguments.behavior, **{name: getattr(arguments, name) for name in names})
     if arguments.curve is not None and request.method != "rl":

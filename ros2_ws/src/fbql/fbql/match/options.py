@@ -15,15 +15,15 @@ from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, types_of
-from fbql_fusion.controller_loading import know_controller
-from fbql_fusion.core.parameters import PRESETS, FusionParameters, check_fusion, guided_episodes, without_part
+from fbql_fusion.controller_loading import resolve_controller
+from fbql_fusion.core.parameters import PRESETS, FusionParameters, check_fusion, guided_episodes, unused_parameters
 from fbql_fusion.core.registry import fusion_parameters, learns
 from fbql_fusion.shipped import shipped_policy
 from fbql_recording.run_directory import create_next_run_directory, create_run_directory
 from fbql_sim.core.parameters import SimulationParameters
 
 from fbql.cli.controllers import add_controller_option
-from fbql.cli.observations import add_observation_option, know_observations
+from fbql.cli.observations import add_observation_option, register_observations
 from fbql.cli.parser import Help, Parser
 from fbql.cli.places import RUNS
 
@@ -122,7 +122,7 @@ def match_from(arguments: argparse.Namespace) -> Match:
     for option in ("episodes", "goals"):
         if getattr(arguments, option) is not None and getattr(arguments, option) < 1:
             raise BadInput(f"--{option} is {getattr(arguments, option)}; it must be 1 or more")
-    controller = know_controller(arguments.controller or ("subsumption" if arguments.preset else "fbql"))
+    controller = resolve_controller(arguments.controller or ("subsumption" if arguments.preset else "fbql"))
     values: dict[str, Any] = {
         "controller": controller.name,
         "preset": arguments.preset or "tuned",
@@ -155,7 +155,7 @@ def match_from(arguments: argparse.Namespace) -> Match:
         out_named=arguments.out is not None,
         json=arguments.json,
         trees=arguments.trees and arguments.trees.absolute(),
-        observations=know_observations(arguments.observation),
+        observations=register_observations(arguments.observation),
         controller_file=controller.source,
         notes=tuple(notes),
     )
@@ -175,7 +175,9 @@ def _unused(fusion: FusionParameters, policy: Path | None, given: Sequence[str])
     learner = learns(fusion)
     if not (learner or fusion.learn):
         yield f"--no-learn has no effect: {fusion.controller} does not learn"
-    yield from without_part(fusion, given, guided_episodes(fusion, learner and fusion.learn, policy is not None) > 0)
+    yield from unused_parameters(
+        fusion, given, guided_episodes(fusion, learner and fusion.learn, policy is not None) > 0
+    )
 
 
 def _are_shipped(behaviors: dict[str, Path]) -> bool:
@@ -194,7 +196,7 @@ def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any
     declarations = ((fusion, fusion_parameters()), (simulation, SimulationParameters))
     for values, declaration in declarations:
         if equals and name in limits_of(declaration):
-            values[name] = parsed(text, types_of(declaration)[name], name)
+            values[name] = parse_value(text, types_of(declaration)[name], name)
             return name
     known = [name for _, declaration in declarations for name in limits_of(declaration)]
     if not equals or not name:
@@ -208,7 +210,7 @@ def similar(name: str, known: Sequence[str]) -> str:
     return f"did you mean {' or '.join(found)}?" if found else "docs/parameters.md has the names"
 
 
-def parsed(text: str, kind: Any, name: str) -> Any:
+def parse_value(text: str, kind: Any, name: str) -> Any:
     """The value of a text, for a parameter of this kind. Raises BadInput."""
     if kind is bool:
         if text in ("true", "false"):
@@ -250,7 +252,7 @@ def _out(out: Path | None, fusion: FusionParameters) -> Path:
     return RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"
 
 
-def policy_told(match: Match) -> tuple[str, str] | None:
+def policy_summary(match: Match) -> tuple[str, str] | None:
     """The policy that a match starts from, in one word and in a sentence; None if the controller has none."""
     if not learns(match.fusion):
         return None

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fbql.cli.places import typed
+from fbql.cli.places import command_text
 from fbql.cli.words import counted, percent
 
 
@@ -93,7 +93,7 @@ def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: boo
         same: the options that give bringup the same behaviors, trees and parameters again.
         learn: whether the controller could keep learning.
     """
-    bringup = f"{typed('bringup')}{same}"
+    bringup = f"{command_text('bringup')}{same}"
     player = f"{bringup} --controller {summary['controller']}"
     place = shlex.quote(str(run))
     if (run / "policy.npz").is_file():
@@ -111,9 +111,9 @@ def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: boo
         other = f"{bringup} --controller subsumption", "the same behaviors, selected by priority instead"
     steps = [other, (f"{player} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
     if summary["messages_recorded"]:
-        steps.append((f"{typed('report')} {place}", "a page that shows what happened, step by step, and why"))
+        steps.append((f"{command_text('report')} {place}", "a page that shows what happened, step by step, and why"))
     if summary["messages_recorded"] and summary["incomplete"]:
-        steps.append((f"{typed('recover')} {place}", "repair the recording, and see what was lost"))
+        steps.append((f"{command_text('recover')} {place}", "repair the recording, and see what was lost"))
     elif summary["messages_recorded"]:
         meaning = f"what was recorded, if ROS 2 is installed; Foxglove opens its {run.name}_0.mcap"
         steps.append((f"ros2 bag info {place}", meaning))

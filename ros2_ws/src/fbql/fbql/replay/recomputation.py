@@ -18,7 +18,7 @@ from fbql_behaviors.storage import tree_from_bytes
 from fbql_common.core import recording_names
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping
-from fbql_fusion.controller_loading import know_installed
+from fbql_fusion.controller_loading import register_installed
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import fusion_parameters
@@ -72,7 +72,7 @@ def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
     if not found:
         raise BadInput(f"{run.path}: it has no parameters; only a recording made by the fusion node can be recomputed")
     controller = found.get("controller", "")
-    if not (isinstance(controller, str) and know_installed(controller)):
+    if not (isinstance(controller, str) and register_installed(controller)):
         copy = f"{recording_names.CONTROLLERS}{controller}.py"
         there = f" (the recording has a copy, {copy})" if copy in run.attachments else ""
         raise BadInput(

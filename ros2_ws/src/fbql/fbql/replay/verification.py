@@ -20,7 +20,7 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, World
-from fbql_fusion.controller_loading import know_controller
+from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.session import Session
 from fbql_recording import Corrupt, Run
 from fbql_recording.core.decoding import MessageCodec
@@ -29,7 +29,7 @@ from fbql_recording.run_directory import git_revision, software_versions
 
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import know_observations
+from fbql.cli.observations import register_observations
 from fbql.cli.output import LiveLine, print_result
 from fbql.cli.places import ROOT
 from fbql.replay.recomputation import (
@@ -247,11 +247,11 @@ def _bits(value: Any) -> Any:
 
 def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Verifies a run and prints the result. Returns 0 if it is identical, else 1. Raises BadInput, Interrupted."""
-    controller = know_controller(arguments.controller).name if arguments.controller else ""
+    controller = resolve_controller(arguments.controller).name if arguments.controller else ""
     parameters, notes = recorded_parameters(run)
     if controller not in ("", parameters.controller):
         raise BadInput(f"--controller {arguments.controller}: the run's controller is '{parameters.controller}'")
-    behaviors = RecordedBehaviors(run, recorded_trees(run), know_observations(arguments.observation))
+    behaviors = RecordedBehaviors(run, recorded_trees(run), register_observations(arguments.observation))
     session = Session(parameters, recorded_policy(run))
     total = max(run.counts.values(), default=0)
     begun_s = monotonic()

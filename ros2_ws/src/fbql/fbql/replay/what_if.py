@@ -59,7 +59,7 @@ def _answer(output: BehaviorOutput | None) -> tuple[Any, ...] | None:
     return None if output is None else (output.leaf_id, output.left_rad_s, output.right_rad_s)
 
 
-def compared(run: Run, session: Session, behaviors: Mapping[str, Behavior]) -> Iterator[Compared]:
+def compare_steps(run: Run, session: Session, behaviors: Mapping[str, Behavior]) -> Iterator[Compared]:
     """Every step of a recording, decided again by another session.
 
     Args:

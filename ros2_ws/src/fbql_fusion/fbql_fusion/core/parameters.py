@@ -31,7 +31,7 @@ __all__ = [
     "Thresholds",
     "check_fusion",
     "guided_episodes",
-    "without_part",
+    "unused_parameters",
 ]
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
@@ -96,7 +96,7 @@ def guided_episodes(parameters: SessionParameters, learning: bool, has_policy: b
     return parameters.guided if parameters.guided >= 0 else own
 
 
-def without_part(parameters: FusionParameters, given: Collection[str], guided: bool) -> Iterator[str]:
+def unused_parameters(parameters: FusionParameters, given: Collection[str], guided: bool) -> Iterator[str]:
     """A line for each parameter that was given but has no effect with the controller in force.
 
     Args:

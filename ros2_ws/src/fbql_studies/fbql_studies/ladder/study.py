@@ -15,7 +15,7 @@ from typing import Any
 from fbql.statistics.runs import Runs, method_row, runs_by_method
 from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
-from fbql_fusion.controller_loading import know_controller
+from fbql_fusion.controller_loading import resolve_controller
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
@@ -131,7 +131,7 @@ def tasks(options: argparse.Namespace) -> list[StudyTask]:
         ]
         found, controls = found + controls, []
     for source in getattr(options, "controllers", []):
-        known = know_controller(source)
+        known = resolve_controller(source)
         own = {"part": known.name, "controller": known.source or known.name, "episodes": options.episodes, **given}
         found += [
             StudyTask(f"own-{known.name}-trees{SEEDS.tree(k)}-seed{seed}", {**own, "set": k, "seed": seed})
@@ -153,7 +153,7 @@ def run(parameters: Parameters) -> Result:
 def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
     learner, tree_set, seed = parameters["part"], parameters["set"], parameters["seed"]
     if own := parameters.get("controller"):
-        know_controller(own)  # a worker is a process of its own
+        resolve_controller(own)  # a worker is a process of its own
     controller, changes = TRAINED.get(learner, (learner, {}))
     fusion = training_of(SEEDS.training(seed), parameters["episodes"], controller, **changes)
     begun_s = perf_counter()

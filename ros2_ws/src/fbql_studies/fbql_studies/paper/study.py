@@ -19,7 +19,7 @@ from fbql.statistics.runs import Runs, method_row, runs_by_method
 from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import Phase
-from fbql_fusion.core.learners.literal.equations import tied
+from fbql_fusion.core.learners.literal.equations import count_ties
 from fbql_fusion.core.learners.literal.learner import FbqlLiteral
 from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters
 from fbql_fusion.core.policy import Policy
@@ -189,7 +189,7 @@ def play_run(
     learned = session.policy()
     if learned is not None and learned.kind == FbqlLiteral.kind and fusion.learn:
         q = learned.arrays["q"]
-        result |= {"joint_states": len(q), "tied": tied(q)}
+        result |= {"joint_states": len(q), "tied": count_ties(q)}
     return result
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from fbql_fusion.core.controllers.interface import JointState, Selection, Transition
 from fbql_fusion.core.learners import trajectories
 from fbql_fusion.core.learners.features import Features, Resolution, Scales, Situation
-from fbql_fusion.core.learners.linear import CAPACITY, Floats, grown, padded
+from fbql_fusion.core.learners.linear import CAPACITY, Floats, grow_table, padded
 from fbql_fusion.core.learners.parameters import FeatureParameters
 from fbql_fusion.core.learners.policy_arrays import check_arrays, generator_state, set_generator_state
 from fbql_fusion.core.learners.trajectories import Trajectory
@@ -290,4 +290,4 @@ class HeldDecisions(ABC):
 
     def _grow_tables(self) -> None:
         """Adds rows for features met since the last call."""
-        self._set_tables({name: grown(table, len(self)) for name, table in self._tables().items()})
+        self._set_tables({name: grow_table(table, len(self)) for name, table in self._tables().items()})

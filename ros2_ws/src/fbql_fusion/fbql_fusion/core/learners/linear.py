@@ -86,7 +86,7 @@ def log_weight_gradient(weights: Floats, driver: NDArray[np.int64]) -> Floats:
     return step
 
 
-def grown(table: Floats, rows: int) -> Floats:
+def grow_table(table: Floats, rows: int) -> Floats:
     """The table itself if it has that many rows, else one of doubled length, filled with zeros."""
     capacity = len(table)
     while capacity < rows:

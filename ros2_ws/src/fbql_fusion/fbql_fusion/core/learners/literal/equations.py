@@ -108,7 +108,7 @@ def normalised(weights: Sequence[float], floor: float) -> tuple[float, ...] | No
     return tuple([w / total for w in raised])
 
 
-def tied(q: Iterable[Sequence[float]]) -> int:
+def count_ties(q: Iterable[Sequence[float]]) -> int:
     """In how many joint states all Q are equal, to the last bit: eq. 6 has no argmax to choose there.
 
     Args:
