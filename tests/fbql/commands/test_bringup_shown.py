@@ -120,11 +120,11 @@ def test_a_result_names_the_policy_that_it_began_from(tmp_path: Path) -> None:
         options = match_parser("bringup.py", "").parse_args([*words, "--out", "/run"])
         return summary_text(SUMMARY, Path("/run"), 1 / 60, policy_told(match_from(options)))
 
-    assert "  policy        shipped  which it began from; --policy none: from nothing\n" in told()
-    assert "  policy           none  it began from nothing\n" in told("--policy", "none")
+    assert "  policy        shipped  which it started from; --policy none starts untrained\n" in told()
+    assert "  policy           none  it started untrained\n" in told("--policy", "none")
     own = tmp_path / "mine.npz"
     own.touch()
-    assert f"  policy          given  which it began from: {own}\n" in told("--policy", str(own))
+    assert f"  policy          given  which it started from: {own}\n" in told("--policy", str(own))
     assert "policy" not in told("--controller", "subsumption")
 
 
