@@ -68,14 +68,14 @@ def test_its_tree_is_made_again_from_its_demonstrations(shooting: Observation) -
 @pytest.mark.parametrize(
     ("law", "told"),
     [
-        (lambda _: (1.0,), r"fails \(ValueError: not enough values to unpack .*\); it has to give left, right"),
-        (lambda _: (1.0, float("inf")), r"gives 1.0, inf; wheel velocities are finite numbers"),
+        (lambda _: (1.0,), r"fails \(ValueError: not enough values to unpack .*\); it must return left, right"),
+        (lambda _: (1.0, float("inf")), r"returns 1.0, inf; wheel velocities must be finite"),
         (lambda observed: (observed[0] / 0.0, 1.0), r"fails \(ZeroDivisionError: .*\)"),
     ],
 )
 def test_an_instructor_that_cannot_answer_is_one_line(law: Law, told: str, shooting: Observation) -> None:
     OBSERVATIONS["shooting"] = replace(shooting, instructor=law)
-    with pytest.raises(BadInput, match=rf"the instructor of behavior 'shooting', asked with \(.*\), {told}") as refused:
+    with pytest.raises(BadInput, match=rf"the instructor of behavior 'shooting', called with \(.*\), {told}") as refused:
         instruct("shooting", 1, 1, 5)
     assert "\n" not in str(refused.value)
 
@@ -128,7 +128,7 @@ def test_a_root_region_that_no_start_lies_in_is_refused(monkeypatch: pytest.Monk
     register(
         "dreaming", Observation((Feature("ball_x", "m", 5.0, 6.0),), lambda world: (world.ball_x_m,), lambda _: (0, 0))
     )
-    with pytest.raises(BadInput, match="behavior 'dreaming': none of 50 starts lies inside of its root region"):
+    with pytest.raises(BadInput, match="behavior 'dreaming': none of 50 starts lies inside its root region"):
         instruct("dreaming", 1, 1, 10)
 
 

@@ -213,14 +213,14 @@ def test_answers_of_a_tree_that_is_not_recorded_are_taken_as_they_are_and_counte
     assert (code, found["identical"]) == (0, True)
     assert found["not_recomputed"] == {"approaching": found["steps"]}
     assert main([str(run), "--verify"]) == 0
-    assert "as recorded, not computed again" in capsys.readouterr().out
+    assert "as recorded, not recomputed" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("leave_out", "says"),
     [
-        ("config.yaml", "no parameters in it"),
-        ("policy_before.npz", "started from a policy, which is not in the recording"),
+        ("config.yaml", "it has no parameters"),
+        ("policy_before.npz", "started from a policy that is not in the recording"),
     ],
 )
 def test_a_recording_that_lacks_what_is_needed_says_so(recorded, tmp_path, capsys, leave_out, says):
@@ -281,8 +281,8 @@ def test_damage_is_one_line_with_the_chunk(recorded, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--verify", "--set", "seed=1"], "leave --set"),
-        (["--verify", "--skip-corrupt"], "leave --skip-corrupt out"),
+        (["--verify", "--set", "seed=1"], "leave out --set"),
+        (["--verify", "--skip-corrupt"], "leave out --skip-corrupt"),
         (["--csv", "x.csv"], "add --set"),
     ],
 )
@@ -300,6 +300,6 @@ def test_another_version_is_named_beside_a_difference(recorded, tmp_path, capsys
     (source / "config.yaml").write_text(yaml.safe_dump(config))
     code, found = verify(source, capsys)
     assert (code, found["identical"]) == (1, False), "the default is another tie rule"
-    assert found["notes"][0] == "not in the recording, their defaults are taken: tie_rule"
+    assert found["notes"][0] == "not in the recording, so their defaults are used: tie_rule"
     assert any(note.startswith("recorded with numpy 1.0, here is ") for note in found["notes"])
     assert any(note.startswith("recorded with revision abc, here is ") for note in found["notes"])
