@@ -75,7 +75,9 @@ def test_its_tree_is_made_again_from_its_demonstrations(shooting: Observation) -
 )
 def test_an_instructor_that_cannot_answer_is_one_line(law: Law, told: str, shooting: Observation) -> None:
     OBSERVATIONS["shooting"] = replace(shooting, instructor=law)
-    with pytest.raises(BadInput, match=rf"the instructor of behavior 'shooting', called with \(.*\), {told}") as refused:
+    with pytest.raises(
+        BadInput, match=rf"the instructor of behavior 'shooting', called with \(.*\), {told}"
+    ) as refused:
         instruct("shooting", 1, 1, 5)
     assert "\n" not in str(refused.value)
 
