@@ -68,8 +68,8 @@ def test_its_tree_is_made_again_from_its_demonstrations(shooting: Observation) -
 @pytest.mark.parametrize(
     ("law", "told"),
     [
-        (lambda _: (1.0,), r"fails \(ValueError: not enough values to unpack .*\); it has to give left, right"),
-        (lambda _: (1.0, float("inf")), r"gives 1.0, inf; wheel velocities are finite numbers"),
+        (lambda _: (1.0,), r"fails \(ValueError: not enough values to unpack .*\); it must return left, right"),
+        (lambda _: (1.0, float("inf")), r"returns 1.0, inf; wheel velocities must be finite"),
         (lambda observed: (observed[0] / 0.0, 1.0), r"fails \(ZeroDivisionError: .*\)"),
     ],
 )

@@ -188,8 +188,8 @@ def test_every_method_and_objective_induces_a_tree(
         (induce, [BEHAVIOR, "--demos", "/nowhere"], "/nowhere: no such file"),
         (induce, [BEHAVIOR, "--split-cost", "0.5"], r"parameter 'split_cost' is 0\.5, outside of"),
         (induce, [BEHAVIOR, "--split-cost", "nan"], "parameter 'split_cost' is nan"),
-        (induce, [BEHAVIOR, "--every", "0"], "--every is 0"),
-        (induce, [BEHAVIOR, "--seed", "-1"], "--seed is -1"),
+        (induce, [BEHAVIOR, "--every", "0"], "every is 0"),
+        (induce, [BEHAVIOR, "--seed", "-1"], "seed is -1"),
     ],
 )
 def test_bad_input_ends_in_exit_code_2_and_one_line(

@@ -10,10 +10,10 @@ import pytest
 from fbql_recording import open_run
 from recorded_match import record_match
 
-SHORT, LONG = 1, 6
+SHORT, LONG = 1, 8
 """Episodes."""
-STEPS = 7_000
-"""So many more the long recording has at least: 10 MiB as bytes on the wire, and several times that as steps in Python."""
+STEPS = 6_500
+"""So many more the long recording has at least: 8 MiB as bytes on the wire, and several times that as steps in Python."""
 GROWTH_MIB = 8.0
 """How much more memory the long one may take: chunks and blocks are not all of one size."""
 COMMANDS = {

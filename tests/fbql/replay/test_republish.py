@@ -285,7 +285,7 @@ def test_a_domain_in_which_the_same_is_published_is_refused(recorded, replay, be
     finally:
         other.destroy_publisher(publisher)
         other.destroy_node()
-    assert "somebody publishes /world in ROS_DOMAIN_ID=" in capfd.readouterr().err
+    assert "another node publishes /world in ROS_DOMAIN_ID=" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -294,7 +294,7 @@ def test_a_domain_in_which_the_same_is_published_is_refused(recorded, replay, be
         (["--rate", "-1"], "--rate -1: must be 0 or more"),
         (["--rate", "nan"], "--rate nan"),
         (["--start", "1000"], "--start 1000: the recording is"),
-        (["--topics", "/nothing"], "no topic /nothing; it has /behaviors/approaching"),
+        (["--topics", "/nothing"], "it has no topic /nothing; it has /behaviors/approaching"),
         (["--domain", "233"], "a domain is a number from 0 to 232"),
     ],
 )

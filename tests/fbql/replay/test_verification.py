@@ -281,8 +281,8 @@ def test_damage_is_one_line_with_the_chunk(recorded, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--verify", "--set", "seed=1"], "leave --set"),
-        (["--verify", "--skip-corrupt"], "leave --skip-corrupt out"),
+        (["--verify", "--set", "seed=1"], "leave out --set"),
+        (["--verify", "--skip-corrupt"], "leave out --skip-corrupt"),
         (["--csv", "x.csv"], "add --set"),
     ],
 )

@@ -330,7 +330,7 @@ def test_the_revisions_that_did_the_tasks_are_told_and_not_the_one_that_tells(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def told(revision: str, *more: str) -> tuple[str, str]:
-        monkeypatch.setattr(experiment, "git_revision", lambda _: revision)
+        monkeypatch.setattr(experiment, "own_revision", lambda: revision)
         main(arguments(tmp_path, *more))
         captured = capsys.readouterr()
         return json.loads(captured.out)["git_revision"], captured.err

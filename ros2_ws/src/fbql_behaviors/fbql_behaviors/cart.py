@@ -7,11 +7,11 @@ a size is given, cross-validation by demonstration chooses it. Only this module 
 
 from __future__ import annotations
 
-import sys
 from functools import partial
 from importlib import import_module
 from typing import Any, NamedTuple
 
+from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput
 
 from fbql_behaviors.core.evaluation import cross_validated_rmse
@@ -77,6 +77,4 @@ def scikit_learn() -> tuple[Any, Any]:
     try:
         return import_module("sklearn"), import_module("sklearn.tree")
     except ModuleNotFoundError:
-        raise BadInput(
-            f"CART needs scikit-learn, which is not installed: {sys.executable} -m pip install -r requirements/study.txt"
-        ) from None
+        raise BadInput(f"CART needs scikit-learn, which is not installed: {how_to_install('studies')}") from None

@@ -34,7 +34,7 @@ from fbql_recording.run_directory import (
     create_next_run_directory,
     create_run_directory,
     custom_data,
-    git_revision,
+    own_revision,
     software_versions,
 )
 
@@ -183,7 +183,7 @@ def _config(parameters: FusionNodeParameters, session: Session, launcher_file: s
     nodes["fusion"] = {**asdict(session.parameters), **asdict(parameters)}
     return {
         "versions": software_versions(),
-        "git_revision": git_revision(Path(__file__).resolve().parent),
+        "git_revision": own_revision(),
         "parameters": nodes,
     }
 

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from fbql_common.atomic_file import write_atomically
+from fbql_common.checkout import source_tree
 from fbql_common.core.errors import BadInput
 
 from fbql_recording.bag_metadata import to_yaml
@@ -193,6 +194,12 @@ def git_revision(directory: Path) -> str:
             return "unknown"
         texts.append(done.stdout.strip())
     return texts[0] + ("+changes" if texts[1] else "")
+
+
+def own_revision() -> str:
+    """The revision of the checkout that this code belongs to; "unknown" for an installed package."""
+    tree = source_tree()
+    return "unknown" if tree is None else git_revision(tree)
 
 
 def custom_data(config: Mapping[str, Any]) -> dict[str, str]:

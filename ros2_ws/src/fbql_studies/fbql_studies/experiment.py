@@ -13,11 +13,11 @@ from typing import Any
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupted, Interrupts
 from fbql.cli.parser import Parser
-from fbql.cli.places import ROOT, RUNS
+from fbql.cli.places import RUNS
 from fbql.statistics.tables import Table, as_markdown, as_text
 from fbql_common.atomic_file import write_atomically
 from fbql_common.core.errors import BadInput
-from fbql_recording.run_directory import git_revision
+from fbql_recording.run_directory import own_revision
 
 from fbql_studies.runner.store import Store
 from fbql_studies.runner.study import STUDIES, StudyTask, study_of
@@ -96,7 +96,7 @@ def _run(options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Int
         print(f"{done} of {len(tasks)} tasks are already done", file=sys.stderr)
     if not waiting:
         return
-    revision = git_revision(ROOT)
+    revision = own_revision()
     if done and not store.revisions():
         store.add_revision("unknown")
     if done and store.revisions() != [revision]:

@@ -25,6 +25,7 @@ from fbql.cli.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from fbql.cli.interrupts import Interrupted, Interrupts
 from fbql.cli.missing import what_is_missing
 from fbql.cli.output import Unwritable, complain, print_result, set_program
+from fbql.cli.places import type_commands_as
 
 GROUP = "fbql.commands"
 
@@ -72,6 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def executable() -> int:
     """Runs the command that this program is named after: `ros2 run fbql NAME`."""
     name = Path(sys.argv[0]).name
+    type_commands_as("ros2 run fbql {}")
     return run(name, sys.argv[1:], name)
 
 
@@ -99,7 +101,7 @@ def run(name: str, argv: Sequence[str], program: str = "") -> int:
         complain(error)
         return FAILED
     except KeyboardInterrupt:
-        complain("interrupted; nothing was written")
+        complain("interrupted")
         return INTERRUPTED
     except ModuleNotFoundError as error:
         missing = what_is_missing(error.name or "")
@@ -123,6 +125,11 @@ def _find(name: str) -> Any:
     raise BadInput(f"there is no command '{name}'; choose one of: {', '.join(names())}")
 
 
+def _summary(name: str) -> str:
+    """One line about a command: of another package's, the first of its docstring."""
+    return COMMANDS[name].summary if name in COMMANDS else (_find(name).__doc__ or "").partition("\n")[0]
+
+
 def _usage() -> str:
-    lines = [f"  {name:<12} {COMMANDS[name].summary if name in COMMANDS else ''}".rstrip() for name in names()]
+    lines = [f"  {name:<12} {_summary(name)}" for name in names()]
     return "\n".join(("usage: fbql COMMAND ...", "", *lines, "", "fbql COMMAND --help shows a command's options."))

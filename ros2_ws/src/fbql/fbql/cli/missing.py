@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
-
-from fbql.cli.places import CHECKOUT
+from fbql_common.checkout import how_to_install
 
 ROS = frozenset(
     {
@@ -23,8 +21,6 @@ EXTRAS = {
     "foxglove": "foxglove",
 }
 """Package -> the extra of the distribution `fbql` that installs it."""
-LOCKS = {"foxglove": "foxglove", "peers": "peers"}
-"""Extra -> the lock file of a checkout that has it, if that is not study.txt."""
 
 
 def what_is_missing(module: str) -> str | None:
@@ -36,8 +32,5 @@ def what_is_missing(module: str) -> str | None:
             "project is built, or run python3 scripts/NAME.py in a clone, which installs ROS by itself"
         )
     if package in EXTRAS:
-        extra = EXTRAS[package]
-        in_checkout = f"python -m pip install -r requirements/{LOCKS.get(extra, 'study')}.txt"
-        install = in_checkout if CHECKOUT in os.environ else f"pip install 'fbql[{extra}]'"
-        return f"this needs {package}, which is not installed: {install}"
+        return f"this needs {package}, which is not installed: {how_to_install(EXTRAS[package])}"
     return None

@@ -15,7 +15,7 @@ from fbql.cli.exit_codes import BAD_INPUT, FAILED
 
 _PERIOD_S = 0.1
 _UNKNOWN_WIDTH = 80
-_DISK_FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+_DISK_FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """The path is right, but the disk is full or fails: the same command may succeed later."""
 
 _program = "fbql"

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-import os
 from datetime import datetime
 from pathlib import Path
 
-CHECKOUT = "FBQL_CHECKOUT"
-"""The environment variable in which `scripts/NAME.py` names the checkout that it belongs to."""
-ROOT = Path(os.environ.get(CHECKOUT) or Path.cwd())
+from fbql_common.checkout import checkout
+
+ROOT = checkout() or Path.cwd()
 """The checkout; for an installed command the working directory."""
 RUNS = ROOT / "runs"
+_form = "fbql {}" if checkout() is None else "python3 scripts/{}.py"
+
+
+def type_commands_as(form: str) -> None:
+    """Sets how commands are typed here; {} stands for the command's name."""
+    global _form
+    _form = form
 
 
 def command_text(name: str) -> str:
     """How a user types a command here."""
-    return f"python3 scripts/{name}.py" if CHECKOUT in os.environ else f"fbql {name}"
+    return _form.format(name)
 
 
 def new_path(name: str) -> Path:

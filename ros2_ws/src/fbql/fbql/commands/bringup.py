@@ -56,7 +56,7 @@ def parser(program: str) -> Parser:
         const=FOXGLOVE_PORT,
         metavar="PORT",
         help=f"serve every topic live to Foxglove, on this port of this machine ({FOXGLOVE_PORT}; 0: a free one); best "
-        "with --realtime; needs requirements/foxglove.txt",
+        "with --realtime; needs the extra foxglove",
     )
     how.add_argument(
         "--start-timeout",

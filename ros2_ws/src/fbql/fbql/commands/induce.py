@@ -75,7 +75,7 @@ def parser(program: str) -> Parser:
     )
     command.add_argument("--leaves", type=int, metavar="N", help="leaves of --method cart (chosen by cross-validation)")
     add_observation_option(command)
-    more = "; cart: scikit-learn's, for comparison (installs requirements/study.txt once)"
+    more = "; cart: scikit-learn's, for comparison (needs the extra studies; in a clone it is installed once)"
     about = "defaults are those of the behavior's recipe"
     add_parameter_options(command, InductionParameters, "induction", about, {"method": (CART, more)})
     return command

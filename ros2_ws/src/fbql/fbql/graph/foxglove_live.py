@@ -1,7 +1,7 @@
 """The graph live in Foxglove: the messages of its topics, byte for byte, on a websocket of this machine.
 
-It needs foxglove-sdk, an optional extra: requirements/foxglove.txt. Nothing in the graph depends on it: a client that
-is slow or gone loses messages, but delays nothing.
+It needs foxglove-sdk, the extra `foxglove`. Nothing in the graph depends on it: a client that is slow or gone loses
+messages, but delays nothing.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
+from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_common.topics import (
@@ -55,8 +56,7 @@ class FoxgloveLive:
             self._sdk: Any = import_module(PACKAGE)
         except ImportError:
             raise BadInput(
-                "--foxglove: foxglove-sdk is not installed; `source scripts/env.sh`, then "
-                "`python -m pip install -r requirements/foxglove.txt`"
+                f"--foxglove needs foxglove-sdk, which is not installed: {how_to_install('foxglove')}"
             ) from None
         if not 0 <= port <= 65535:
             raise BadInput(f"--foxglove {port}: a port is a number from 0 to 65535")

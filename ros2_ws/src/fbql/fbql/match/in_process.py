@@ -18,11 +18,10 @@ from fbql_fusion.core.session import Session
 from fbql_fusion.policy_storage import load_policy, policy_bytes
 from fbql_fusion.shipped import shipped_policy
 from fbql_recording.core.metrics import Summary
-from fbql_recording.run_directory import RunDirectory, git_revision, software_versions
+from fbql_recording.run_directory import RunDirectory, own_revision, software_versions
 from fbql_sim.core.world_loop import WorldLoop
 
 from fbql.cli.output import complain
-from fbql.cli.places import ROOT
 from fbql.match.options import Match, make_run_directory
 
 StepObserver = Callable[[World, Sequence[BehaviorOutput], WheelCommand, Decision], None]
@@ -189,7 +188,7 @@ def _config(match: Match) -> dict[str, object]:
     trees = {name: {"tree_file": str(path), **own_observation(match, name)} for name, path in match.behaviors.items()}
     return {
         "versions": software_versions(),
-        "git_revision": git_revision(ROOT),
+        "git_revision": own_revision(),
         "parameters": {
             "simulator": asdict(match.simulation),
             "fusion": {

@@ -54,7 +54,7 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tup
         *([("policy", *policy)] if policy else []),
         *_guided(run / "episodes.csv"),
         ("played", summary["steps"], f"steps{_pace(summary, dt_s)}"),
-        ("digest", summary["digest"][:8], "of every step; identical for an identical lockstep match"),
+        ("digest", summary["digest"][:8], "of every step; equal for identical lockstep matches"),
         ("recording", recorded or "none", f"{'messages in ' if recorded else ''}{run}"),
     ]
     if summary["incomplete"]:

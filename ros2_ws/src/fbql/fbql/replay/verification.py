@@ -25,13 +25,12 @@ from fbql_fusion.core.session import Session
 from fbql_recording import Corrupt, Run
 from fbql_recording.core.decoding import MessageCodec
 from fbql_recording.core.steps import StepData
-from fbql_recording.run_directory import git_revision, software_versions
+from fbql_recording.run_directory import own_revision, software_versions
 
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import register_observations
 from fbql.cli.output import LiveLine, print_result
-from fbql.cli.places import ROOT
 from fbql.replay.recomputation import (
     OutOfPlace,
     RecordedBehaviors,
@@ -267,7 +266,7 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
     seconds = monotonic() - begun_s
     difference = found.difference or _other_digest(run, found)
     if difference is not None:
-        notes += changed_software(run, git_revision(ROOT), software_versions())
+        notes += changed_software(run, own_revision(), software_versions())
     if arguments.json:
         print_result(json.dumps(_values(run, found, difference, notes, seconds)))
     else:

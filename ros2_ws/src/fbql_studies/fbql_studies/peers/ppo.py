@@ -1,4 +1,4 @@
-"""Stable-Baselines3's PPO in our environments. An optional extra: requirements/peers.txt.
+"""Stable-Baselines3's PPO in our environments. The extra `peers`.
 
 Torch computes on one thread, so that the same seed gives the same policy bit for bit on one machine, and tasks side by side
 don't fight for cores.

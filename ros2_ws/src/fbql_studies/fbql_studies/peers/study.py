@@ -2,7 +2,7 @@
 
 A learner trains with a training seed (below FIRST_RUN_SEED) and then plays frozen on the episodes of another seed, the same
 ones for every method of a tree set and seed. What is tuned for a tree set is tuned on training episodes. Stable-Baselines3
-and torch are an optional extra (requirements/peers.txt): without them its rows read "not installed".
+and torch are an optional extra (`peers`): without them its rows read "not installed".
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from fbql.statistics.inference import Resamples
 from fbql.statistics.runs import Runs, method_row, ratio, runs_by_method
 from fbql.statistics.tables import Row, Table, mean_of, number
 from fbql_behaviors.core.behavior import Behavior
+from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput
 
 from fbql_studies.common.fusion_tables import METHOD_COLUMNS, SIZE_COLUMNS, compared, cost, share
@@ -46,7 +47,7 @@ SEEDS_OF_A_TREE_SET = 100
 MOST_TREE_SETS = (FIRST_RUN_SEED - FIRST_TRAINING_SEED) // SEEDS_OF_A_TREE_SET
 CONTROLS = "controls"
 EXTRA = "stable_baselines3"
-NOT_INSTALLED = "not installed: pip install -r requirements/peers.txt"
+NOT_INSTALLED = f"not installed: {how_to_install('peers')}"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +62,7 @@ def tasks(options: argparse.Namespace) -> list[StudyTask]:
     """A task for the controls of each tree set, one for each learner, tree set and seed; learners that can't run are left out."""
     check_counts(options, seeds=SEEDS_OF_A_TREE_SET, trees=MOST_TREE_SETS, steps=2**62, episodes=2**31)
     if find_spec("gymnasium") is None:
-        raise BadInput("the study of peers needs Gymnasium: pip install -r requirements/study.txt")
+        raise BadInput(f"the study of peers needs Gymnasium, which is not installed: {how_to_install('studies')}")
     from fbql_studies.peers.learners import LEARNERS, NEED_PPO
 
     learners = LEARNERS

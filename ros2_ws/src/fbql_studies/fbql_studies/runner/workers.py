@@ -18,6 +18,7 @@ from traceback import format_exception_only
 from typing import Any, NamedTuple
 from uuid import uuid4
 
+from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput
 
 from fbql_studies.runner.store import Store, write_failure, write_result
@@ -115,7 +116,7 @@ def run_on_cluster(
     try:
         from distributed import CancelledError, Client, Future, wait  # an optional extra
     except ModuleNotFoundError:
-        raise BadInput("--scheduler needs Dask: pip install -r requirements/study.txt") from None
+        raise BadInput(f"--scheduler needs Dask, which is not installed: {how_to_install('studies')}") from None
     with _without_logs():  # Dask logs tracebacks of errors that are reported here in one line
         try:
             client = Client(scheduler, timeout=_CONNECT_S)

@@ -11,13 +11,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 
-from fbql.cli.places import ROOT
 from fbql.demonstrations.make_tree import make_tree
 from fbql.statistics.runs import ratio, runs_by_method
 from fbql.statistics.tables import Row, Table, finite, number, tabulate
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.observation_loading import load_observation
 from fbql_behaviors.storage import load_tree
+from fbql_common.checkout import source_tree
+from fbql_common.core.errors import BadInput
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
@@ -41,7 +42,6 @@ COLUMNS = {
 SEEDS = Seeds(1201, 5000)
 COUNTS = (3, 4, 6, 8)
 SHOOTING = "shooting"
-EXAMPLE = ROOT / "examples" / SHOOTING
 OTHER_DEMONSTRATIONS = 1000
 """Each further tree of a behavior is made with a demonstration seed that is higher by this."""
 TABLE_VALUES = 2
@@ -58,8 +58,12 @@ def behaviors_of(n: int, tree_set: int) -> list[Behavior]:
     """n behaviors of a tree set."""
     found = SEEDS.behaviors(tree_set)
     if n > len(found):
-        source = load_observation(f"{EXAMPLE / 'shooting.py'}:{SHOOTING}")
-        found.append(Behavior(SHOOTING, load_tree(EXAMPLE / "shooting.json"), source.observation))
+        tree = source_tree()
+        if tree is None:
+            raise BadInput("more than 3 behaviors need examples/shooting, which only a clone has: run this study there")
+        example = tree / "examples" / SHOOTING
+        source = load_observation(f"{example / 'shooting.py'}:{SHOOTING}")
+        found.append(Behavior(SHOOTING, load_tree(example / "shooting.json"), source.observation))
     for k, name in enumerate(names_of(n)[len(found) :]):
         seed = SEEDS.tree(tree_set) + OTHER_DEMONSTRATIONS * (k // 3 + 1)
         found.append(Behavior(name, make_tree(BEHAVIORS[k % 3], seed).tree))
