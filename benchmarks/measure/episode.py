@@ -60,7 +60,7 @@ class PlayedEpisode(NamedTuple):
 
 
 def main(argv: Sequence[str]) -> int:
-    """Runs the benchmark. Gives the exit code."""
+    """Runs the benchmark. Returns the exit code."""
     parser = Parser(prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--controller", choices=CONTROLLERS, default="fbql_literal", help="who fuses (fbql_literal)")
     parser.add_argument("--steps", type=int, default=20_000, metavar="N", help="steps of a round, at least (20000)")
@@ -267,7 +267,7 @@ def sensing(behaviors: Sequence[Behavior], episodes: Sequence[PlayedEpisode]) ->
 
 
 def decide(fusion: FusionParameters, policy: Policy | None, episodes: Sequence[PlayedEpisode], digest: str) -> float:
-    """Seconds of Session.decide, and of what a learner does between episodes."""
+    """Seconds of Session.decide, and of a learner's work between episodes."""
     session = Session(fusion, policy)
     begun_s = process_time()
     for episode in episodes:
