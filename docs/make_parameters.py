@@ -57,8 +57,8 @@ SECTIONS = (
     Section("The fusion node", "Node `fusion`: files, and what to do when an input is missing.", FusionNodeParameters),
     Section(
         "Fusion and learning",
-        "Node `fusion`. [deviations.md](deviations.md) lists which of these the paper leaves open. A controller of your own "
-        "may have further ones.",
+        "Node `fusion`. [deviations.md](deviations.md) lists which of these the paper leaves open. Your own controller may "
+        "have further ones.",
         FusionParameters,
     ),
     Section(

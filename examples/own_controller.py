@@ -1,4 +1,4 @@
-"""A controller of your own in one file: a bandit that picks one behavior per episode and learns which pays.
+"""Your own controller in one file: a bandit that picks one behavior per episode and learns which pays best.
 
     python examples/own_controller.py
     python3 scripts/train.py --controller examples/own_controller.py --episodes 50

@@ -52,7 +52,7 @@ def explain(failure: ChildError, work: str, root: Path) -> SetUpError:
         work = f"building {failed[1]}"
         shown = re.search(rf"^--- stderr: {re.escape(failed[1])}\n(.*?)^---$", output, flags=re.MULTILINE | re.DOTALL)
         if shown:
-            # When a setup.py raises, colcon breaks down over it: what matters is said before colcon's own traceback.
+            # When a setup.py raises, colcon itself crashes: the relevant message precedes colcon's own traceback.
             output = output[: shown.start()] if "/colcon_core/" in shown[1] else shown[1]
     details = "\n".join([line for line in output.splitlines() if line.strip()][-SHOWN_LINES:])
     return SetUpError(f"{work} failed. Fix the problem shown above and start again. Log: {failure.log}", details)

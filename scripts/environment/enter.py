@@ -23,8 +23,8 @@ def enter(name: str, purpose: str = "run", module: str = "") -> None:
     """Run `fbql NAME`, the test suite, or `MODULE.main(argv)` where a module is named, in the environment, and exit with
     what it returns.
 
-    `purpose` is run, test (adds the test tools) or study (adds what studies need, but not where only its help is asked for).
-    Does not return.
+    `purpose` is run, test (adds the test tools) or study (adds what studies need, but not if only its help is
+    requested). Does not return.
     """
     if os.environ.pop(ENTERED, None) == str(os.getpid()):
         if name == "test":

@@ -81,7 +81,7 @@ def check_platform() -> None:
 
 
 def candidates(environ: Mapping[str, str]) -> Iterator[str]:
-    """Paths that may be a Python 3.12, the likeliest first; uv, which downloads nothing here, is asked last."""
+    """Paths that may be a Python 3.12, the likeliest first; uv, which downloads nothing here, is tried last."""
     if sys.version_info[:2] == (3, 12):
         yield sys.executable
     directories = [entry for entry in environ.get("PATH", "").split(os.pathsep) if entry]

@@ -73,7 +73,7 @@ class SetUp:
         self.held = held
 
     def go(self) -> None:
-        """Find out what is to be done, check that it can be done, and do it."""
+        """Determine what needs to be done, check that it can be done, and do it."""
         todo = []
         if self.purposes:
             if not self.held:

@@ -55,7 +55,7 @@ def find_observation(behavior: str, source: str = "") -> Observation:
         return observation_of(behavior)
     except BadInput as error:
         raise BadInput(
-            f"{error}; a behavior of your own takes its observation: FILE.py:{behavior}, or an installed package's"
+            f"{error}; your own behavior needs its observation: FILE.py:{behavior}, or an installed package's"
         ) from None
 
 

@@ -76,7 +76,7 @@ def _declare[T](node: Node, declaration: type[T], where: str) -> T:
             given = None  # that is how rcl reads an empty list
         if given is not None:
             from_mapping(declaration, {name: _value_of(given, kind, where)}, where)
-        # The type of an empty list can't be told from its value.
+        # The type of an empty list can't be inferred from its value.
         declared = _TYPES[kind] if default == [] else default
         descriptor = _descriptor(kind, limits[name])
         try:

@@ -1,4 +1,4 @@
-"""The option --controller of the commands: a controller of this package, an installed one, or one of the user's own."""
+"""The option --controller of the commands: a controller of this package, an installed one, or a user's file."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ CART = "cart"
 
 @dataclass(frozen=True)
 class InductionRequest:
-    """How a tree is to be induced. Made by `request_of`, which checks it."""
+    """How to induce a tree. Created by `request_of`, which checks it."""
 
     behavior: str
     recipe: Recipe

@@ -67,7 +67,7 @@ class Supervision:
         """Plays the match in its run directory; every process has ended when this returns or raises.
 
         Returns:
-            0 when fusion ended well or a signal asked for the end, 1 on a failure, 3 when the recording is incomplete.
+            0 when fusion succeeded or a signal requested the end, 1 on a failure, 3 when the recording is incomplete.
 
         Raises:
             BadInput: refused before any process was started.
@@ -166,7 +166,7 @@ class Supervision:
                 raise GraphFailed(f"after {self._start_timeout_s:g} s the graph still lacks {', '.join(missing)}")
 
     def _watch(self, observer: Observer) -> None:
-        """Waits until fusion has ended, or a signal asks for the end."""
+        """Waits until fusion has ended, or a signal requests the end."""
         fusion = self._started[-1]
         while not self._interrupts.came:
             observer.look(_LOOK_S)

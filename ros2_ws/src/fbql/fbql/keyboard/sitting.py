@@ -69,7 +69,7 @@ class Sitting:
         return min(sum(-(-length // self._every) for length in lengths), self.wanted)
 
     def awaits(self, world: World) -> bool:
-        """Whether a world state is to be answered now: it is the next one of an episode that has begun."""
+        """Whether a world state must be answered now: it is the next one of an episode that has begun."""
         return self.begun and world.episode == self.episode and world.step == len(self._worlds) and not world.ended
 
     def answered(self, world: World) -> WheelCommand | None:

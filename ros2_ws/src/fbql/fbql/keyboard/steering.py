@@ -15,7 +15,7 @@ from fbql_behaviors.core.quantizer import rad_s_of
 from fbql.terminal.keys import Key
 
 FASTEST_LEVEL = 8
-"""Highest speed [levels]: 1.0 m/s; nobody reacts in time to more."""
+"""Highest speed [levels]: 1.0 m/s; nobody can react in time at higher speeds."""
 FASTEST_BACK_LEVEL = 4
 """Highest speed backwards [levels]."""
 HOLD_S = 0.13
@@ -29,7 +29,7 @@ STRONGEST_TURN = 3
 
 
 class Steering:
-    """The wheel velocities that the keys ask for. Times are those of any steady clock [s]."""
+    """The wheel velocities that the keys request. Times are those of any steady clock [s]."""
 
     def __init__(self) -> None:
         self.speed = 0

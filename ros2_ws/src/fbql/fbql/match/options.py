@@ -35,7 +35,7 @@ _OF_THE_RUN = {"controller", "seed", "episodes", "goals", "guided", "learn"}
 
 @dataclass(frozen=True)
 class Match:
-    """What is to be played, and where the run goes."""
+    """What to play, and where the run is written."""
 
     fusion: FusionParameters
     simulation: SimulationParameters

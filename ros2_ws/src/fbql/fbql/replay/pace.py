@@ -12,7 +12,7 @@ _NS = 1_000_000_000
 
 
 class Order(Enum):
-    """What a person asks for while a recording is replayed."""
+    """A person's request while a recording is replayed."""
 
     PAUSE = "space"
     """Pause, or continue."""
@@ -52,7 +52,7 @@ class Pace:
         self._last_ns: int | None = None
         """Time of the last published message."""
         self._steps = 0
-        """Steps that were asked for and are still to come."""
+        """Requested steps that are still to come."""
         self._looked_s = float("-inf")
 
     def restart(self) -> None:

@@ -122,7 +122,7 @@ class RawTerminal:
         return data
 
     def stopped(self) -> bool:
-        """Lets the process be stopped if that was asked for (Ctrl-Z), with the terminal given back meanwhile.
+        """Lets the process be stopped if that was requested (Ctrl-Z), with the terminal restored meanwhile.
 
         True when it was stopped and now continues.
         """
@@ -130,7 +130,7 @@ class RawTerminal:
             return False
         self._stop_asked = False
         self.give_back()
-        # By the signal's own effect: it spares a process that nobody could wake again.
+        # Relies on the signal's default effect, which spares a process that nobody could wake again.
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
         os.kill(os.getpid(), signal.SIGTSTP)
         signal.signal(signal.SIGTSTP, self._note_stop)
@@ -165,7 +165,7 @@ class Screen(RawTerminal):
         name = os.environ["TERM"]
         unicode = codecs.lookup(locale.nl_langinfo(locale.CODESET) or "ascii").name == "utf-8"
         self.ascii_only = ascii_only or not unicode or name.startswith(_WITHOUT_BRAILLE)
-        """Whether nothing but ASCII is to be drawn."""
+        """Whether to draw only ASCII."""
         self._colour = not os.environ.get("NO_COLOR")
         self._decoder = KeyDecoder()
         self._waiting = b""

@@ -122,5 +122,5 @@ def unused_parameters(parameters: FusionParameters, given: Collection[str], guid
 
 
 def _stems(name: str, owners: Collection[str]) -> list[str]:
-    """What a parameter is called without the name of its owner, and as a whole."""
+    """A parameter's name without its owner's name, and its full name."""
     return [*(name.removeprefix(f"{owner}_") for owner in owners if name.startswith(f"{owner}_")), name]

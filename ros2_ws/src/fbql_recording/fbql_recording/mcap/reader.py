@@ -284,7 +284,7 @@ class McapFile:
         if len(body) != 4:
             self._complain(at, "the end of its data section is damaged")
         elif recorded and recorded != crc and not self.damage.any:
-            # The chunks have CRCs of their own, which matched.
+            # The chunks have their own CRCs, which matched.
             self._complain(at, "the CRC of its data section does not match: something beside the chunks is damaged")
 
     def _read_record(self, opcode: int, body: bytes, at: int) -> None:

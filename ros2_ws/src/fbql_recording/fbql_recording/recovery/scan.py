@@ -455,7 +455,7 @@ class Scan:
         for channel, number in last.items():
             self._numbers[channel] = number, len(self._found) + 1
 
-    # What only the whole file tells
+    # What only the whole file shows
 
     def _conclude(self) -> None:
         self._drop_unchecked()
@@ -550,7 +550,7 @@ class Scan:
             gap.chunks = max(gap.chunks, int(bool(gap.messages)))
             by_index = self._index_times.get(gap.begin) if gap.messages else None
             by_head = None if gap.start_ns is None or gap.end_ns is None else (gap.start_ns, gap.end_ns)
-            # Neither has a CRC: times are told where they make sense and nothing contradicts them.
+            # Neither has a CRC: times are reported if they make sense and nothing contradicts them.
             start_ns, end_ns = by_head or by_index or (1, 0)
             first_ns, last_ns = by_index or (start_ns, end_ns)
             is_likely = start_ns <= first_ns <= last_ns <= end_ns

@@ -153,7 +153,7 @@ def run(parameters: Parameters) -> Result:
 def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
     learner, tree_set, seed = parameters["part"], parameters["set"], parameters["seed"]
     if own := parameters.get("controller"):
-        resolve_controller(own)  # a worker is a process of its own
+        resolve_controller(own)  # a worker is a separate process
     controller, changes = TRAINED.get(learner, (learner, {}))
     fusion = training_of(SEEDS.training(seed), parameters["episodes"], controller, **changes)
     begun_s = perf_counter()
@@ -161,7 +161,7 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
     training_s = perf_counter() - begun_s
     played: Played = {}
     if learner in LEARNERS or parameters.get("twins"):
-        # The critic plays no part in them: fbql's twins are those of the sensed critic as well.
+        # The critic does not affect them: fbql's twins are those of the sensed critic as well.
         as_learning = training_of(fusion.seed, fusion.episodes, controller, **(changes | as_it_learns(controller)))
         played[untrained(controller)] = (fusion, None)
         played[drawn(untrained(controller))] = (as_learning, None)
