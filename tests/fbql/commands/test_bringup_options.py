@@ -200,7 +200,7 @@ def test_help_tells_every_option_and_each_default_that_is_a_value(start: Start, 
     ("words", "reason"),
     [
         (["--nonsense"], "unrecognized arguments: --nonsense"),
-        (["unknown controller", "best"], "--controller"),
+        (["--controller", "best"], "unknown controller"),
         (["--episodes", "0"], "--episodes is 0"),
         (["--episodes", "99999999999999999999"], "'episodes'"),
         (["--seed", "-1"], "'seed'"),
