@@ -13,7 +13,7 @@ from fbql_studies.common.training import Seeds, add_training_options
 from fbql_studies.common.variants import Variants, changing
 from fbql_studies.runner.study import Result
 
-DESCRIPTION = "fbql without one of its parts at a time (once two), each trained and played frozen like the default"
+DESCRIPTION = "fbql with one part removed at a time (once two), each variant trained and played frozen like the default"
 CAPTIONS = {
     "fusion_ablation": "What a goal costs after one change, relative to the default on the same episodes, with 95 % intervals",
 }

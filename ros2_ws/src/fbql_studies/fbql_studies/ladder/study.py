@@ -53,14 +53,12 @@ from fbql_studies.ladder import tables
 from fbql_studies.ladder.weight_maps import weight_maps
 from fbql_studies.runner.study import MEASURED, Parameters, Result, StudyTask
 
-DESCRIPTION = (
-    "the learners trained on fresh trees, then frozen against Subsumption, constant weights, their twins and the law"
-)
+DESCRIPTION = "the learners trained on fresh trees, then compared frozen with Subsumption, constant weights, their twins and the law"
 CAPTIONS = {
     "fusion_ladder": "What a goal costs, relative to the re-tuned Subsumption on the same episodes, with 95 % intervals",
     "fusion_learning": "Learning curves over blocks of 100 training episodes, exploration included; dashed: frozen controls",
     "fusion_coverage": "Joint states met in the course of the training",
-    "fusion_maps": "The heaviest behavior where the robot stands, for each learner after its training on tree set 1001 with seed 0, the ball lying at the white dot and the goal that is attacked on the right; the paler, the nearer to equal weights",
+    "fusion_maps": "The behavior with the largest weight at each place of the robot, for each learner after its training on tree set 1001 with seed 0; the ball lies at the white dot, the attacked goal is on the right; the paler, the nearer to equal weights",
 }
 COLUMNS, words = tables.COLUMNS, tables.words
 SEEDS = Seeds(FIRST_TREE_SEED, FIRST_RUN_SEED)

@@ -30,7 +30,7 @@ from fbql_studies.common.training import FIRST_RUN_SEED, FIRST_TREE_SEED, behavi
 from fbql_studies.runner.study import MEASURED, Parameters, Result, StudyTask, add_count, check_counts
 
 DESCRIPTION = (
-    "other methods on the same work, simulator and budget: Q-learning, PPO, constant weights, single behaviors"
+    "other methods on the same task, simulator and budget: Q-learning, PPO, constant weights, single behaviors"
 )
 CAPTIONS = {
     "fusion_peers": "What a goal costs and how many episodes end in one, frozen, with 95 % intervals over tree sets and runs",
