@@ -1,8 +1,7 @@
 """Pinned results: digests, the shipped trees and policy, and a recording of an earlier release that still verifies.
 
 A commit that changes one of these says so, and why. Every match is played in three ways: a process for each node, one
-process for all of them, and without ROS. The ordinary run plays each seed without ROS and in one of the ways with ROS;
-the other two combinations are marked `long`.
+process for all of them, and without ROS.
 """
 
 from __future__ import annotations
@@ -103,30 +102,19 @@ SHIPPED = {
 }
 
 
-@pytest.mark.parametrize(
-    ("seed", "ways"),
-    [
-        pytest.param(1, [MANY, WITHOUT_ROS]),
-        pytest.param(2, [ONE, WITHOUT_ROS]),
-        pytest.param(1, [ONE], marks=pytest.mark.long),
-        pytest.param(2, [MANY], marks=pytest.mark.long),
-    ],
-)
+@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("name", MATCHES)
-def test_a_match_has_its_digest_in_every_way_to_play(
-    start: Callable[..., Run], name: str, seed: int, ways: list[str]
-) -> None:
+def test_a_match_has_its_digest_in_every_way_to_play(start: Callable[..., Run], name: str, seed: int) -> None:
     options, digests = MATCHES[name]
     words = [*options, "--seed", str(seed), "--json"]
     runs: dict[str, Run] = {}
-    for way in ways:
-        script, more = WAYS[way]
+    for way, (script, more) in WAYS.items():
         runs[way] = start(*words, *more, script=script, environment=SAME_EVERYWHERE)
     digest_of: dict[str, str] = {}
     for way, run in runs.items():
         assert run.exit_code() == 0, f"{way}: {run.stderr}"
         digest_of[way] = json.loads(run.stdout)["digest"]
-    assert digest_of == dict.fromkeys(ways, digests[seed - 1])
+    assert digest_of == dict.fromkeys(WAYS, digests[seed - 1])
 
 
 def test_the_shipped_trees_and_policy_are_the_same_bytes() -> None:
