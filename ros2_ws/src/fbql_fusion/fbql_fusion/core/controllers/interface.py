@@ -39,7 +39,7 @@ class Transition(NamedTuple):
     terminated: bool
     """s' is terminal: nothing follows it, so it is worth 0."""
     truncated: bool
-    """The time limit ended the episode in s'. The task goes on from there, so the value of s' is given by its Q."""
+    """The time limit ended the episode in s'. The task continues from there, so the value of s' is given by its Q."""
 
 
 class Controller(Protocol):
