@@ -1,4 +1,4 @@
-"""Measure what recording costs: the lockstep graph's steps per second with a recording against without."""
+"""Measure the cost of recording: the lockstep graph's steps per second with a recording against without."""
 
 import os
 import sys

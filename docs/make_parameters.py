@@ -57,14 +57,14 @@ SECTIONS = (
     Section("The fusion node", "Node `fusion`: files, and what to do when an input is missing.", FusionNodeParameters),
     Section(
         "Fusion and learning",
-        "Node `fusion`. [deviations.md](deviations.md) lists which of these the paper leaves open. A controller of your own "
-        "may have further ones.",
+        "Node `fusion`. [deviations.md](deviations.md) lists which of these the paper leaves open. Your own controller may "
+        "have further ones.",
         FusionParameters,
     ),
     Section(
         "Induction of trees",
-        "No node has these: they say how a tree is made from demonstrations. The shipped trees differ from these "
-        "defaults where `fbql_behaviors.core.recipes.RECIPES` says so.",
+        "No node has these: they determine how a tree is made from demonstrations. The shipped trees differ from these "
+        "defaults where `fbql_behaviors.core.recipes.RECIPES` sets other values.",
         InductionParameters,
     ),
 )

@@ -6,7 +6,7 @@ python docs/make_results.py [STUDY_DIRECTORY ...]
 
 A study directory (runs/study-paper, runs/study-ladder, ...) is first copied into docs/data: its table and options as
 STUDY.json, the numbers behind its figures as STUDY_curves.json; figures that need every task's result are copied into
-docs/images. Each study then gets a page of its own, docs/results/STUDY.md, which holds nothing that is written by hand.
+docs/images. Each study then gets its own page, docs/results/STUDY.md, which contains nothing written by hand.
 
 In fusion.md and trees.md a generated block stands between a comment and `<!-- end -->`:
 
@@ -74,14 +74,14 @@ def index_page() -> str:
     """The list of all results."""
     rows = [[f"[{name}]({name}.md)", study_of(name).DESCRIPTION] for name in sorted(STUDIES)]
     return (
-        "# Results of the studies\n\nOne page a study, written by `docs/make_results.py`. What follows from them: "
+        "# Results of the studies\n\nOne page per study, written by `docs/make_results.py`. What follows from them: "
         "[fusion.md](../fusion.md), [trees.md](../trees.md); how to run a study: [studies.md](../studies.md).\n\n"
         f"{as_markdown(Table(['study', 'what'], rows))}\n"
     )
 
 
 def page(text: str) -> str:
-    """A page with its generated blocks made anew."""
+    """A page with its generated blocks regenerated."""
     return PLACE.sub(lambda place: f"{place[1]}{_block(*place.group(2, 3, 4, 5))}\n{place[6]}", text)
 
 
@@ -96,7 +96,7 @@ def _block(kind: str, study: str, title: str, choice: str) -> str:
 
 
 def _chosen(table: Table, choice: str) -> Table:
-    """The rows and columns of a table that a comment names, in its order; all where it names none."""
+    """The rows and columns of a table that a comment names, in its order; all if it names none."""
     wanted = {kind: names.strip().split("; ") for kind, names in re.findall(r"\| (\w+): ([^|]+)", choice)}
     columns = [table.head.index(name) for name in wanted.get("columns", table.head)]
     by_name = {row[0]: row for row in table.body}

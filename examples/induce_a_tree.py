@@ -16,7 +16,7 @@ print(exact.explain())
 learned = fbql.induce("wall_avoiding", exact.patterns, method="rl", trials=50, seed=1)
 print(f"after 50 trials {learned.curve[-1]:.3f} nat; the best tree has {exact.value:.3f} nat")
 
-# %% A dearer split makes a smaller tree.
+# %% A more expensive split makes a smaller tree.
 for split_cost in (-0.01, -0.05, -0.2):
     tree = fbql.induce("wall_avoiding", exact.patterns, method="dp", split_cost=split_cost)
     print(f"split_cost {split_cost}: {tree.leaves} leaves")

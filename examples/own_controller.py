@@ -1,11 +1,11 @@
-"""A controller of your own in one file: a bandit that picks one behavior per episode and learns which pays.
+"""Your own controller in one file: a bandit that picks one behavior per episode and learns which pays best.
 
     python examples/own_controller.py
     python3 scripts/train.py --controller examples/own_controller.py --episodes 50
     python3 scripts/bringup.py --controller examples/own_controller.py --set bandit_rate=0.2
     python3 scripts/replay.py RUN --verify --controller examples/own_controller.py
 
-An installed package names the class in an entry point of the group `fbql.controllers` instead, and --controller its name.
+An installed package instead declares the class as an entry point of the group `fbql.controllers`; --controller takes its name.
 """
 
 from dataclasses import dataclass

@@ -22,7 +22,7 @@ for index in episodes["index"]:
 share = steps["weights"].mean(axis=0)
 print("share of the steps:", ", ".join(f"{each:.0%}" for each in share))
 
-# %% Other parameters, by the names of docs/parameters.md. A value that can't be used is one line.
+# %% Other parameters, by the names of docs/parameters.md. A value that can't be used is reported in one line.
 slippery = fbql.play(controller="subsumption", episodes=3, seed=31, parameters={"ball_robot_friction": 0.1})
 print(f"with less friction: {slippery.summary['steps']} steps instead of {summary['steps']}")
 try:

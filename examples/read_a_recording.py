@@ -1,6 +1,6 @@
 """Read a recorded run: `python examples/read_a_recording.py [RUN]`, a run directory or an .mcap file. No ROS needed."""
 
-# %% Open it: the recording of the tests, unless one is named.
+# %% Open it: by default the recording of the tests.
 import sys
 from pathlib import Path
 

@@ -1,6 +1,6 @@
 """Train a controller, play what it learned, and compare it with a baseline: `python examples/train_a_policy.py [EPISODES]`."""
 
-# %% Train from nothing: guided episodes first, then its own.
+# %% Train from scratch: guided episodes first, then its own.
 import sys
 import tempfile
 from pathlib import Path
@@ -19,7 +19,7 @@ with tempfile.TemporaryDirectory() as directory:
     file = learned.policy.save(Path(directory) / "policy.npz")
     print(f"the policy has {file.stat().st_size} bytes")
 
-# %% Play it frozen, and the baseline, from the same starts: the same seed is the same starts.
+# %% Play it frozen, and the baseline, from the same starts: the same seed gives the same starts.
 PER_RUN = max(2, EPISODES // 8)
 ours = [fbql.play(policy=learned.policy, learn=False, episodes=PER_RUN, seed=seed).summary for seed in SEEDS]
 baseline = [fbql.play("subsumption", preset="paper", episodes=PER_RUN, seed=seed).summary for seed in SEEDS]

@@ -22,7 +22,7 @@ LOCKS = {
     "foxglove": ("project.optional-dependencies.foxglove",),
     "peers": ("project.optional-dependencies.peers",),
 }
-"""Lock -> the lists of pyproject.toml that it is for. No lock contradicts one above it."""
+"""Lock -> the lists of pyproject.toml that it covers. No lock contradicts one above it."""
 
 
 def main() -> None:

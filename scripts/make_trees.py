@@ -1,4 +1,4 @@
-"""Make the shipped trees again, from their committed seeds."""
+"""Regenerate the shipped trees from their committed seeds."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""Repair a damaged recording: keep everything that is sound, and say what is lost."""
+"""Repair a damaged recording: keep everything undamaged, and report what is lost."""
 
 import os
 import sys

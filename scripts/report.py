@@ -1,4 +1,4 @@
-"""Write the report of a recorded run: one page to look into it with, and on demand figures and tables."""
+"""Write the report of a recorded run: one page for exploring it, and optionally figures and tables."""
 
 import os
 import sys

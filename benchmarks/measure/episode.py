@@ -60,7 +60,7 @@ class PlayedEpisode(NamedTuple):
 
 
 def main(argv: Sequence[str]) -> int:
-    """Runs the benchmark. Gives the exit code."""
+    """Runs the benchmark. Returns the exit code."""
     parser = Parser(prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--controller", choices=CONTROLLERS, default="fbql_literal", help="who fuses (fbql_literal)")
     parser.add_argument("--steps", type=int, default=20_000, metavar="N", help="steps of a round, at least (20000)")
@@ -68,7 +68,7 @@ def main(argv: Sequence[str]) -> int:
         "--warm-up", type=int, default=200, metavar="N", help="episodes of learning before it is measured (200)"
     )
     parser.add_argument("--rounds", type=int, default=9, metavar="N", help="rounds to take medians over (9)")
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    parser.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
     arguments = parser.parse_args(list(argv))
     for name, least in (("rounds", 1), ("steps", 1), ("warm_up", 0)):
         if getattr(arguments, name) < least:
@@ -267,7 +267,7 @@ def sensing(behaviors: Sequence[Behavior], episodes: Sequence[PlayedEpisode]) ->
 
 
 def decide(fusion: FusionParameters, policy: Policy | None, episodes: Sequence[PlayedEpisode], digest: str) -> float:
-    """Seconds of Session.decide, and of what a learner does between episodes."""
+    """Seconds of Session.decide, and of a learner's work between episodes."""
     session = Session(fusion, policy)
     begun_s = process_time()
     for episode in episodes:

@@ -41,7 +41,7 @@ MILLISECONDS, MICROSECONDS = 1e3, 1e6
 
 
 def main(argv: Sequence[str]) -> int:
-    """Runs the benchmark. Gives the exit code."""
+    """Runs the benchmark. Returns the exit code."""
     parser = argparse.ArgumentParser(
         prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

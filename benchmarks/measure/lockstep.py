@@ -25,7 +25,7 @@ ROLES = ("simulator", "ball_seeking", "wall_avoiding", "approaching", "fusion")
 
 
 def main(argv: Sequence[str]) -> int:
-    """Runs the benchmark. Gives the exit code."""
+    """Runs the benchmark. Returns the exit code."""
     arguments = parse("lockstep.py", __doc__, 5, argv)
     figures: dict[str, dict[str, list[float]]] = {mode: {} for mode in MODES}
     for number in range(arguments.rounds):

@@ -17,7 +17,7 @@ from measure.graph import MODES, graph_steps_per_s, parse
 
 
 def main(argv: Sequence[str]) -> int:
-    """Runs the benchmark. Gives the exit code."""
+    """Runs the benchmark. Returns the exit code."""
     arguments = parse("recording.py", __doc__, 7, argv)
     found: dict[str, dict[str, list[float]]] = {mode: {"recording": [], "without": []} for mode in MODES}
     for number in range(arguments.rounds):

@@ -1,4 +1,4 @@
-"""Shooting: at full speed, with ball and goal ahead. A behavior in twenty lines; README.md tells how it is used."""
+"""Shooting: at full speed, with ball and goal ahead. A behavior in twenty lines; README.md shows how to use it."""
 
 from math import radians
 

@@ -2,7 +2,7 @@
 
 Runs under any Python >= 3.9 with the standard library alone. `enter(NAME)` makes sure that the environment is there
 (Python 3.12, the hash-locked packages, the built workspace), then continues as the command NAME in it.
-This file itself must parse under every Python since 2.7, so that an old one gets one line and no traceback.
+This file itself must parse under every Python since 2.7, so that an old one prints one line and no traceback.
 """
 
 import sys

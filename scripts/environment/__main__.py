@@ -1,4 +1,4 @@
-"""`python3 scripts/environment`: set up if need be, and print the commands for a shell. See scripts/env.sh."""
+"""`python3 scripts/environment`: set up if necessary, and print the commands for a shell. See scripts/env.sh."""
 
 import os
 import shlex

@@ -38,7 +38,7 @@ class ChildError(Exception):
 
 
 def explain(failure: ChildError, work: str, root: Path) -> SetUpError:
-    """The line for a failed program: the known reasons in words, any other with the end of what it wrote."""
+    """The line for a failed program: known reasons in words, any other with the end of its output."""
     output = failure.output
     if free_bytes(str(root)) < ALMOST_FULL or NO_SPACE.search(output):
         return no_space(root)
@@ -52,10 +52,10 @@ def explain(failure: ChildError, work: str, root: Path) -> SetUpError:
         work = f"building {failed[1]}"
         shown = re.search(rf"^--- stderr: {re.escape(failed[1])}\n(.*?)^---$", output, flags=re.MULTILINE | re.DOTALL)
         if shown:
-            # When a setup.py raises, colcon breaks down over it: what matters is said before colcon's own traceback.
+            # When a setup.py raises, colcon itself crashes: the relevant message precedes colcon's own traceback.
             output = output[: shown.start()] if "/colcon_core/" in shown[1] else shown[1]
     details = "\n".join([line for line in output.splitlines() if line.strip()][-SHOWN_LINES:])
-    return SetUpError(f"{work} failed. Mend what is said above and start again. Log: {failure.log}", details)
+    return SetUpError(f"{work} failed. Fix the problem shown above and start again. Log: {failure.log}", details)
 
 
 def explain_refusal(error: OSError, root: Path) -> SetUpError:
@@ -67,11 +67,11 @@ def explain_refusal(error: OSError, root: Path) -> SetUpError:
         return SetUpError(
             f"{place} is not writable; make it so, or clone into a directory of your own, and start again."
         )
-    return SetUpError(f"the set-up failed: {error.strerror or error} ({place}). Mend that and start again.")
+    return SetUpError(f"the set-up failed: {error.strerror or error} ({place}). Fix that and start again.")
 
 
 def no_space(root: Path) -> SetUpError:
-    """The line for a full disk; names what is free where the set-up writes."""
+    """The line for a full disk; states the free space where the set-up writes."""
     places = sorted({str(root), tempfile.gettempdir()})
     free = ", ".join(f"{place}: {free_bytes(place) // 2**20} MiB free" for place in places)
     return SetUpError(f"no space left on the disk ({free}); the set-up needs about 1.5 GiB. Free some and start again.")
@@ -88,9 +88,9 @@ def free_bytes(path: str) -> int:
 def run(command: Sequence[str], *, environ: dict[str, str], log: Path, lock: int, step: Step, cwd: Path) -> None:
     """Run `command` to its end; its output goes to the file `log`. Raises ChildError.
 
-    It inherits the lock, so that it keeps other set-ups waiting should this process be killed, and writes to a file
-    rather than to us, so that our death does not stop it half-way. It gets a session of its own: an interrupt at the
-    terminal reaches us alone, and we end it together with its own children.
+    It inherits the lock, so that other set-ups still wait for it if this process is killed, and it writes to a file
+    rather than to us, so that our death does not stop it half-way. It gets its own session: an interrupt at the
+    terminal reaches only us, and we end it together with its own children.
     """
     # A signal that came between the child's start and our knowing of it would leave it running: let it wait.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING_SIGNALS)
@@ -125,7 +125,7 @@ def run(command: Sequence[str], *, environ: dict[str, str], log: Path, lock: int
 
 
 def end_group(child: subprocess.Popen[bytes]) -> None:
-    """End a child and all of its own children: asked twice, then killed; at once when we are interrupted again."""
+    """End a child and all of its own children: two requests, then SIGKILL; at once when we are interrupted again."""
     try:
         for number in (signal.SIGINT, signal.SIGTERM):
             os.killpg(child.pid, number)

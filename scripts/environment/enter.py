@@ -1,4 +1,4 @@
-"""From a command's door to the command: make sure of the environment, then become a process in it."""
+"""From an entry script to its command: ensure that the environment exists, then become a process in it."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def enter(name: str, purpose: str = "run", module: str = "") -> None:
     """Run `fbql NAME`, the test suite, or `MODULE.main(argv)` where a module is named, in the environment, and exit with
     what it returns.
 
-    `purpose` is run, test (adds the test tools) or study (adds what studies need, but not where only its help is asked for).
-    Does not return.
+    `purpose` is run, test (adds the test tools) or study (adds what studies need, but not if only its help is
+    requested). Does not return.
     """
     if os.environ.pop(ENTERED, None) == str(os.getpid()):
         if name == "test":
@@ -42,7 +42,7 @@ def enter(name: str, purpose: str = "run", module: str = "") -> None:
 
 
 def run_tests(argv: list[str]) -> None:
-    """Become pytest on the checkout, wherever this was started from; without arguments all but the long tests."""
+    """Become pytest on the checkout, from any working directory; without arguments all but the long tests."""
 
     def absolute(argument: str) -> str:
         path, separator, test = argument.partition("::")
@@ -54,7 +54,8 @@ def run_tests(argv: list[str]) -> None:
 
 
 def environment_or_exit(purpose: str = "run") -> tuple[Target, dict[str, str]]:
-    """The environment, made if need be, and the variables of a process in it; on an error one line and exit code 2."""
+    """The environment, created if necessary, and the variables of a process in it; on an error one line and exit code
+    2."""
     open_standard_streams()
     try:
         return ensure_environment(ROOT, purpose, os.environ)
@@ -62,12 +63,13 @@ def environment_or_exit(purpose: str = "run") -> tuple[Target, dict[str, str]]:
         write((f"{error.details}\n" if error.details else "") + f"fbql: {error}\n")
         sys.exit(2)
     except KeyboardInterrupt:
-        write("fbql: the set-up was interrupted; the next start goes on with it.\n")
+        write("fbql: the set-up was interrupted; the next start resumes it.\n")
         sys.exit(130)
 
 
 def open_standard_streams() -> None:
-    """Open /dev/null for those of stdin, stdout and stderr that are closed: no other file must get their numbers."""
+    """Open /dev/null for those of stdin, stdout and stderr that are closed: so that no other file gets their
+    numbers."""
     while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(descriptor, True)
     os.close(descriptor)

@@ -1,4 +1,4 @@
-"""Finding a Python 3.12 that can carry the environment."""
+"""Finding a Python 3.12 on which the environment can be built."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def find_interpreter(environ: Mapping[str, str], *, with_rclpy: bool = False) ->
 
 
 def check_platform() -> None:
-    """Raise SetUpError where no wheels exist."""
+    """Raise SetUpError if there are no wheels for this platform."""
     system, machine = os.uname().sysname, os.uname().machine
     if (system, machine) != ("Linux", "x86_64"):
         raise SetUpError(
@@ -81,7 +81,7 @@ def check_platform() -> None:
 
 
 def candidates(environ: Mapping[str, str]) -> Iterator[str]:
-    """Paths that may be a Python 3.12, the likeliest first; uv, which downloads nothing here, is asked last."""
+    """Paths that may be a Python 3.12, the likeliest first; uv, which downloads nothing here, is tried last."""
     if sys.version_info[:2] == (3, 12):
         yield sys.executable
     directories = [entry for entry in environ.get("PATH", "").split(os.pathsep) if entry]
@@ -97,7 +97,8 @@ def candidates(environ: Mapping[str, str]) -> Iterator[str]:
 
 
 def probe(candidate: str, environ: Mapping[str, str], *, with_rclpy: bool) -> Interpreter | str:
-    """Try a candidate by running it: the interpreter, or why not; an empty reason for simply another version."""
+    """Try a candidate by running it: the interpreter, or the reason against it; the reason is empty for just another
+    version."""
     # -I keeps the environment's variables out of it; with a system ROS they are what makes rclpy importable.
     command = [candidate, *([] if with_rclpy else ["-I"]), "-c", PROBE]
     try:
@@ -122,7 +123,7 @@ def probe(candidate: str, environ: Mapping[str, str], *, with_rclpy: bool) -> In
 
 
 def output_of(command: list[str], environ: dict[str, str]) -> str:
-    """What a short program prints; empty when it fails, hangs or is none."""
+    """What a short program prints; empty when it fails, hangs or is not a program."""
     environ["UV_PYTHON_DOWNLOADS"] = "never"
     try:
         done = subprocess.run(

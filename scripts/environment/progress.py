@@ -1,4 +1,4 @@
-"""What the set-up says while it works. All of it goes to stderr: stdout belongs to the command."""
+"""The set-up's output while it works. All of it goes to stderr: stdout belongs to the command."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import time
 
 
 class SetUpError(Exception):
-    """The environment cannot be made. The text is one line: what is wrong, and how to mend it.
+    """The environment cannot be created. The text is one line: what is wrong, and how to fix it.
 
-    `details` is shown before it: the end of what a compiler or an installer said, where that is what is to be mended.
+    `details` is shown before it: the end of a compiler's or installer's output, if the problem is in there.
     """
 
     def __init__(self, line: str, details: str = "") -> None:
@@ -19,7 +19,7 @@ class SetUpError(Exception):
 
 
 def write(text: str) -> None:
-    """Write to stderr. One that is closed, full or was never there is no reason to stop."""
+    """Write to stderr. A closed, full or missing stderr is no reason to stop."""
     try:
         sys.stderr.write(text)
         sys.stderr.flush()
@@ -28,12 +28,12 @@ def write(text: str) -> None:
 
 
 def say(text: str) -> None:
-    """One line of the set-up's."""
+    """Print one line of the set-up."""
     write(f"[set-up] {text}\n")
 
 
 class Step:
-    """A numbered piece of work: announced when it starts, its seconds shown as it goes on and when it is done."""
+    """A numbered piece of work: announced when it starts, its seconds shown while it runs and when it is done."""
 
     def __init__(self, number: int, count: int, text: str) -> None:
         self._label = f"[set-up {number}/{count}]"

@@ -23,7 +23,7 @@ VERBS = ("run", "pkg")
 
 
 class NotThere(Exception):
-    """What was asked for does not exist; the text is the line that ros2 prints then."""
+    """The requested object does not exist; the text is the line that ros2 prints in that case."""
 
 
 def main(argv: list[str]) -> int:
@@ -50,7 +50,7 @@ def main(argv: list[str]) -> int:
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """The command line of ros2cli, as far as it goes here."""
+    """The command line of ros2cli, as far as it is supported here."""
     parser = argparse.ArgumentParser(
         prog="ros2", description="The part of ros2 that finds packages and starts their executables."
     )
@@ -120,7 +120,7 @@ def find_packages(prefixes: list[Path]) -> dict[str, Path]:
 
 
 def find_executables(packages: dict[str, Path], package: str) -> list[Path]:
-    """The executable files of a package, sorted. Raises NotThere where there is no such package."""
+    """The executable files of a package, sorted. Raises NotThere if there is no such package."""
     if package not in packages:
         raise NotThere(f"Package '{package}' not found")
     place = packages[package] / "lib" / package

@@ -29,7 +29,7 @@ UV_BEGINS = "Prepared"
 
 
 def set_up(target: Target, purpose: str, environ: Mapping[str, str]) -> list[Package]:
-    """Bring the environment to what the checkout asks for; the packages of the workspace.
+    """Bring the environment to the state that the checkout requires; returns the packages of the workspace.
 
     Raises SetUpError, with everything it started ended.
     """
@@ -44,17 +44,18 @@ def set_up(target: Target, purpose: str, environ: Mapping[str, str]) -> list[Pac
 
 
 def check_path(root: Path) -> None:
-    """Raise SetUpError where the checkout's own path is one that the ROS build tools break on."""
+    """Raise SetUpError if the ROS build tools can't handle the checkout's path."""
     odd = sorted(set(re.findall(r"[^A-Za-z0-9._+/-]", str(root))))
     if odd:
         raise SetUpError(
-            f"the path {root} contains {', '.join(map(repr, odd))}, on which the ROS 2 build tools break. "
+            f"the path {root} contains {', '.join(map(repr, odd))}, on which the ROS 2 build tools fail. "
             "Move the checkout to a path of plain letters, digits and . _ + - and start again."
         )
 
 
 class SetUp:
-    """One run of the set-up, with the lock held: what another process did while we waited for it is not redone."""
+    """One run of the set-up, with the lock held: work that another process did while we waited for the lock is not
+    redone."""
 
     def __init__(self, target: Target, purpose: str, environ: Mapping[str, str], lock: int) -> None:
         self.target = target
@@ -68,11 +69,11 @@ class SetUp:
         """What is installed; empty without a usable environment."""
         wanted = [extra for extra in EXTRAS if extra == purpose or extra in held] or ["run"]
         self.purposes = [each for each in wanted if not target.has_installed(each)]
-        """What to install for. Extras that are in the environment already are kept up to date with it."""
+        """What to install for. Extras already in the environment are kept up to date as well."""
         self.held = held
 
     def go(self) -> None:
-        """Find out what is to be done, check that it can be done, and do it."""
+        """Determine what needs to be done, check that it can be done, and do it."""
         todo = []
         if self.purposes:
             if not self.held:
@@ -104,7 +105,7 @@ class SetUp:
             self.remove_build(leftover.name)
 
     def make_venv(self, interpreter: Interpreter, step: Step) -> None:
-        """Make the virtual environment anew."""
+        """Recreate the virtual environment."""
         remove(self.target.venv)
         self.target.venv.mkdir()
         (self.target.venv / UNFINISHED).touch()
@@ -113,7 +114,7 @@ class SetUp:
         self.run("venv", [interpreter.executable, "-m", "venv", *options, str(self.target.venv)], step)
 
     def install(self, step: Step) -> None:
-        """Install what the locks say, with its hashes checked; in a usable environment note beforehand that it changes."""
+        """Install what the locks list, checking the hashes; a usable environment is first marked as changing."""
         entries = self.target.requirements(self.purposes)
         files = {"build-tool": entries[BUILD_TOOL]} if SOURCE_ONLY in entries else {}
         files["requirements"] = "\n".join(entries.values())
@@ -162,15 +163,15 @@ class SetUp:
             self.has_changed_environment |= PIP_BEGINS in log.read_text(errors="replace")
 
     def check_workspace(self, names: list[str]) -> None:
-        """Raise SetUpError where a package to build is none, or what builds it is not installed."""
+        """Raise SetUpError if a package to build is not valid, or its build tools are not installed."""
         packages = [package for package in self.packages if package.name in names]
         for package in packages:
             try:
                 ElementTree.parse(package.path / "package.xml")
             except ElementTree.ParseError as error:
-                raise SetUpError(f"{package.path}/package.xml is not XML: {error}. Mend it and start again.") from None
+                raise SetUpError(f"{package.path}/package.xml is not XML: {error}. Fix it and start again.") from None
             if not package.name:
-                raise SetUpError(f"{package.path}/package.xml has no <name>. Mend it and start again.")
+                raise SetUpError(f"{package.path}/package.xml has no <name>. Fix it and start again.")
         if self.target.underlay and self.which("colcon") is None:
             raise SetUpError(
                 "colcon is not on PATH. Install it, for example with "
@@ -190,7 +191,7 @@ class SetUp:
             )
 
     def build(self, step: Step) -> None:
-        """Build the stale packages, each from nothing, so that no removed file or message stays behind."""
+        """Build the stale packages, each from scratch, so that no removed file or message stays behind."""
         wanted = self.target.fingerprints(self.packages)
         stale = self.target.stale(self.packages)
         for name in stale:
@@ -260,7 +261,7 @@ def exclusive(path: Path) -> Generator[int, None, None]:
 
 @contextlib.contextmanager
 def ended_by_signals() -> Generator[None, None, None]:
-    """Turn SIGTERM and SIGHUP into an orderly end, which takes the programs that run for us along."""
+    """Turn SIGTERM and SIGHUP into an orderly exit that also ends the programs we started."""
     numbers = [each for each in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(each) is signal.SIG_DFL]
     try:
         for number in numbers:  # nohup's choice stays

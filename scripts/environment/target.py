@@ -1,7 +1,7 @@
 """One environment: where it is, what is installed and built in it, and what that was made from.
 
-Every start asks it, so that it imports little and reads little: lock files, package.xml and its like, the sources of
-compiled packages. A Python package is linked into the build space, so an edit of its modules concerns nobody here.
+Every start uses it, so it imports little and reads little: lock files, package.xml and its like, the sources of
+compiled packages. A Python package is linked into the build space, so edits of its modules do not matter here.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from pathlib import Path
 
 DISTRO = "jazzy"
 EXTRAS = ("test", "study")
-"""What can be installed on top of what every command needs ("run")."""
+"""What can be installed in addition to what every command needs ("run")."""
 OF_THE_SYSTEM = ("numpy", "pyyaml")
-"""What a system ROS brings of what the locks name."""
+"""The packages of the locks that a system ROS provides."""
 ENVIRONMENT_STAMP = "fbql-environment.json"
 BUILD_STAMP = ".fbql-build.json"
 UNFINISHED = "fbql-unfinished"
-"""Stands in an environment while it is changed: found later, the work was cut off at an unknown point."""
+"""Exists in an environment while it is being changed: if found later, the work was interrupted at an unknown point."""
 METADATA = ("package.xml", "setup.py", "setup.cfg", "pyproject.toml")
 NOT_SOURCE = ("__pycache__", "build", "dist")
 DOCUMENTS = (".md", ".rst")
@@ -50,7 +50,7 @@ class Target:
         return [self.root / "requirements" / f"{name}.txt" for name in names]
 
     def lock_hash(self, purpose: str) -> str:
-        """The hash of what the lock files of a purpose say."""
+        """The hash of the contents of a purpose's lock files."""
         return digest([path.read_bytes() for path in self.locks(purpose)])
 
     def requirements(self, purposes: list[str]) -> dict[str, str]:
@@ -63,18 +63,18 @@ class Target:
     def installed(self) -> dict[str, str]:
         """The lock hash of each purpose that is installed; empty without an environment that can be installed into.
 
-        Such a one was made to its end, in its own place, and stands on a Python that is still there.
+        A usable environment was created completely, has not been moved, and is based on a Python that still exists.
         """
         stamp = read_stamp(self.venv / ENVIRONMENT_STAMP)
         is_moved = stamp.pop("path", None) != str(self.venv)
         return {} if is_moved or (self.venv / UNFINISHED).exists() or not os.access(self.python, os.X_OK) else stamp
 
     def has_installed(self, purpose: str) -> bool:
-        """Whether the environment holds what the locks ask for now."""
+        """Whether the environment contains what the locks require now."""
         return self.installed().get(purpose) == self.lock_hash(purpose)
 
     def is_ready(self, purpose: str, packages: list[Package]) -> bool:
-        """Whether everything is installed and built from what the checkout holds now."""
+        """Whether everything is installed and built from the checkout's current contents."""
         return self.has_installed(purpose) and not self.stale(packages) and not self.leftovers(packages)
 
     def packages(self) -> list[Package]:
@@ -92,16 +92,16 @@ class Target:
         return sorted(found)
 
     def stale(self, packages: list[Package]) -> list[str]:
-        """The packages whose built form was not made from what is there now."""
+        """The packages that were not built from their current sources."""
         stamps = {name: self.stamp(name, text) for name, text in self.fingerprints(packages).items()}
         held = {name: read_stamp(self.install / name / BUILD_STAMP) for name in stamps}
         return [name for name, stamp in stamps.items() if not stamp["built_ns"] or held[name] != stamp]
 
     def stamp(self, name: str, fingerprint: str) -> dict[str, object]:
-        """What the stamp of an up-to-date package holds.
+        """The content of an up-to-date package's stamp.
 
-        The time of the file that colcon writes last is in it: when somebody else built over our install space (a plain
-        `colcon build`), or the package is not whole, the stamp does not fit.
+        The time of the file that colcon writes last is in it: if somebody else built over our install space (a plain
+            `colcon build`), or the package is incomplete, the stamp does not match.
         """
         written = self.install / name / "share" / name / "package.sh"
         return {"fingerprint": fingerprint, "built_ns": written.stat().st_mtime_ns if written.exists() else 0}
@@ -115,7 +115,8 @@ class Target:
     def fingerprints(self, packages: list[Package]) -> dict[str, str]:
         """What each package would be built from, as a hash: its own files, the environment, the locks.
 
-        To a compiled package belong all files of every compiled package, since an interface is built into what uses it.
+        For a compiled package that is all files of every compiled package, since an interface is compiled into its
+        users.
         """
         configuration = self.venv / "pyvenv.cfg"
         places = (self.venv, self.install, *self.underlay, configuration.read_text() if configuration.exists() else "")
@@ -133,7 +134,7 @@ class Target:
 def target_for(root: Path, environ: dict[str, str]) -> Target:
     """The environment that belongs to the checkout `root`, started with the variables `environ`.
 
-    A system Jazzy is sourced where ROS_DISTRO says so and a prefix outside of this checkout holds rclpy.
+    A system Jazzy counts as sourced if ROS_DISTRO names it and a prefix outside of this checkout holds rclpy.
     """
     prefixes = [prefix for prefix in split_path(environ.get("AMENT_PREFIX_PATH")) if not is_inside(prefix, root)]
     holds_ros = any(next(prefix.glob("lib/python3*/*-packages/rclpy"), None) for prefix in prefixes)
@@ -165,7 +166,7 @@ def linked_parts(directory: Path, *, every: bool = False) -> list[bytes]:
 
 
 def contents(path: Path) -> bytes:
-    """The bytes of a file, after its mode; those of one that cannot be read (a broken link) are none."""
+    """The bytes of a file, after its mode; empty for one that cannot be read (a broken link)."""
     try:
         return (b"x" if os.access(path, os.X_OK) else b"-") + path.read_bytes()
     except OSError:
@@ -173,7 +174,7 @@ def contents(path: Path) -> bytes:
 
 
 def digest(parts: list[bytes]) -> str:
-    """SHA-256 of a list of byte strings, with their lengths, so that no two lists run into the same bytes."""
+    """SHA-256 of a list of byte strings, with their lengths, so that no two lists give the same bytes."""
     total = hashlib.sha256()
     for part in parts:
         total.update(len(part).to_bytes(8, "little") + part)
@@ -181,7 +182,7 @@ def digest(parts: list[bytes]) -> str:
 
 
 def read_stamp(path: Path) -> dict[str, object]:
-    """The stamp at `path`; empty where there is none, or where it is not readable as one."""
+    """The stamp at `path`; empty if there is none, or if it is not readable as one."""
     try:
         stamp = json.loads(path.read_bytes())
     except (OSError, ValueError):
@@ -190,7 +191,7 @@ def read_stamp(path: Path) -> dict[str, object]:
 
 
 def write_stamp(path: Path, stamp: dict[str, object]) -> None:
-    """Replace the stamp at `path` in one step: a reader sees the old one or the new one, whole."""
+    """Replace the stamp at `path` in one step: a reader sees either the complete old one or the complete new one."""
     temporary = path.with_name(f"{path.name}.{os.getpid()}")
     with temporary.open("w") as file:
         json.dump(stamp, file, indent=1)

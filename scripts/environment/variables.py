@@ -18,10 +18,10 @@ OF_A_DISTRO = ("ROS_DISTRO", "ROS_VERSION", "ROS_PYTHON_VERSION", "ROS_PACKAGE_P
 def process_environment(
     target: Target, environ: Mapping[str, str], packages: list[Package], *, warns: bool = True
 ) -> dict[str, str]:
-    """`environ`, changed so that the workspace's `packages` and what they stand on are found.
+    """`environ`, changed so that the workspace's `packages` and their dependencies are found.
 
     The user's choices (domain, discovery range, log directory, ...) stay. Leftovers of another ROS are taken out,
-    with a warning, because a message library of another distro crashes rather than fails.
+    with a warning, because a message library of another distro causes crashes rather than errors.
     """
     result = without_foreign_ros(target, environ, warns)
     for name in ("PYTHONHOME", BOOTSTRAPPED):
@@ -54,7 +54,7 @@ def process_environment(
 
 
 def build_environment(target: Target, environ: Mapping[str, str]) -> dict[str, str]:
-    """The variables colcon runs with: as a process of ours, with no built package in sight, and with bytecode."""
+    """The variables colcon runs with: those of our processes, but without any built package, and with bytecode."""
     result = process_environment(target, environ, [], warns=False)
     result.pop("PYTHONDONTWRITEBYTECODE", None)
     if not target.underlay:
@@ -64,13 +64,13 @@ def build_environment(target: Target, environ: Mapping[str, str]) -> dict[str, s
 
 
 def tool_environment(environ: Mapping[str, str]) -> dict[str, str]:
-    """The variables for another Python than ours, or for pip and uv: nothing that changes what it imports."""
+    """The variables for a Python other than ours, or for pip and uv: none that changes what it imports."""
     dropped = {"PYTHONHOME", "PYTHONPATH", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__", BOOTSTRAPPED}
     return {name: value for name, value in environ.items() if name not in dropped}
 
 
 def without_foreign_ros(target: Target, environ: Mapping[str, str], warns: bool) -> dict[str, str]:
-    """A copy of `environ` without the traces of a ROS that is not the target's; warns of what it takes out.
+    """A copy of `environ` without the traces of a ROS other than the target's; warns of what it removes.
 
     An overlay that was built on our own environment (ours is on AMENT_PREFIX_PATH then) stays.
     """
@@ -93,9 +93,9 @@ def without_foreign_ros(target: Target, environ: Mapping[str, str], warns: bool)
     if foreign and warns:
         distro = environ.get("ROS_DISTRO")
         what = f"ROS 2 {distro}" if distro and distro != DISTRO else foreign[0]
-        say(f"{what} is sourced, which is not the system Jazzy that could be used: it is ignored, for the Jazzy wheels")
+        say(f"{what} is sourced, which is not a usable system Jazzy: it is ignored, and the Jazzy wheels are used")
     if rmw != "rmw_fastrtps_cpp" and warns:
-        say(f"RMW_IMPLEMENTATION={rmw} is ignored: the wheels hold rmw_fastrtps_cpp alone")
+        say(f"RMW_IMPLEMENTATION={rmw} is ignored: the wheels contain only rmw_fastrtps_cpp")
     return result
 
 
@@ -111,7 +111,8 @@ def append(environ: dict[str, str], name: str, entries: list[Path]) -> None:
 
 
 def set_path(environ: dict[str, str], name: str, entries: list[Path]) -> None:
-    """Set the search path `name`. An empty one is no variable: an empty entry would mean the working directory."""
+    """Set the search path `name`. An empty path removes the variable: an empty entry would mean the working
+    directory."""
     if entries:
         environ[name] = os.pathsep.join(map(str, entries))
     else:

@@ -153,7 +153,7 @@ def test_a_package_that_does_not_build_is_shown_with_its_error_and_the_log(check
         setup.write_text(before)
     assert (said.returncode, said.stdout) == (2, "")
     assert "ValueError: no such version" in said.stderr
-    assert said.stderr.splitlines()[-1].startswith("fbql: building speaker failed. Mend what is said above")
+    assert said.stderr.splitlines()[-1].startswith("fbql: building speaker failed. Fix the problem shown above")
     assert str(checkout / ".setup/log/build.txt") in said.stderr
     assert start(checkout, *SPEAK, "mended").stdout == "speaks mended\n"
 

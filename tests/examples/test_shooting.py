@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from commands import demonstrate
 from commands import induce as induction
-from fbql.cli.observations import know_observations
+from fbql.cli.observations import register_observations
 from fbql.demonstrations import instruct as instructing
 from fbql.demonstrations.instruct import ANYWHERE, at_rest, instruct
 from fbql.match.in_process import play
@@ -40,7 +40,7 @@ LAYERS = ["shooting", "wall_avoiding", "approaching", "ball_seeking"]
 def shooting() -> Iterator[Observation]:
     """The example's behavior is known in each test, and in no other."""
     before = dict(OBSERVATIONS)
-    know_observations([str(EXAMPLE / "shooting.py")])
+    register_observations([str(EXAMPLE / "shooting.py")])
     yield observation_of("shooting")
     OBSERVATIONS.clear()
     OBSERVATIONS.update(before)

@@ -141,7 +141,7 @@ def test_zero_stamp_is_answered_and_warned_of_once(bench, asked):
     asked.ask(world)
     asked.ask(world)
     bench.until(lambda: len(asked.answers) == 2, "two answers")
-    assert bench.said().count("has no stamp (said once)") == 1
+    assert bench.said().count("has no stamp (reported once)") == 1
 
 
 def test_nothing_is_answered_before_simulated_time_comes(bench):

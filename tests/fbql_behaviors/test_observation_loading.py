@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from fbql.cli.observations import know_observations
+from fbql.cli.observations import register_observations
 from fbql_behaviors import observation_loading
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.instructors import INSTRUCTORS, instructor_of
@@ -93,13 +93,21 @@ def test_this_packages_behaviors_need_no_file() -> None:
         ("\n\nimport no_such_module\n", "", "mine.py: ModuleNotFoundError in line 3: No module named 'no_such_module'"),
         ("\n1 / 0\n", "", "mine.py: ZeroDivisionError in line 2: division by zero"),
         (SOUND.replace("-1.2, 1.2", "1.2, -1.2"), "", "feature 'robot_x': low 1.2 must be below high -1.2"),
-        (SOUND.replace("(Feature(", "() and (Feature("), "", "needs features, each with a name of its own"),
+        (SOUND.replace("(Feature(", "() and (Feature("), "", "needs features, each with its own name"),
         (SOUND.replace("sense, law", "1, law"), "", "'sense' of behavior 'pacing' is not a function"),
-        (SOUND.replace("robot_x_m,)", "robot_x_m, 1.0)"), "", "'pacing' gives 2 values; expected 1: robot_x"),
-        (SOUND.replace("robot_x_m,)", "robot_x_m)"), "", "'pacing' gives a float instead of a tuple; expected 1"),
-        (SOUND.replace("robot_x_m,)", "goal and 0 or None,)"), "", "'pacing' gives a NoneType as 'robot_x', expected"),
-        (SOUND.replace("world.robot_x_m,)", "float('nan'),)"), "", "gives nan as 'robot_x', expected a finite number"),
-        (SOUND.replace("robot_x_m,)", "goal,)"), "", "gives a bool as 'robot_x', expected a number"),
+        (SOUND.replace("robot_x_m,)", "robot_x_m, 1.0)"), "", "'pacing' returns 2 values; expected 1: robot_x"),
+        (SOUND.replace("robot_x_m,)", "robot_x_m)"), "", "'pacing' returns a float instead of a tuple; expected 1"),
+        (
+            SOUND.replace("robot_x_m,)", "goal and 0 or None,)"),
+            "",
+            "'pacing' returns a NoneType as 'robot_x', expected",
+        ),
+        (
+            SOUND.replace("world.robot_x_m,)", "float('nan'),)"),
+            "",
+            "returns nan as 'robot_x', expected a finite number",
+        ),
+        (SOUND.replace("robot_x_m,)", "goal,)"), "", "returns a bool as 'robot_x', expected a number"),
         (SOUND.replace("(world)", "(world, more)"), "", r"TypeError: sense\(\) missing 1"),
         (
             SOUND.replace("return (world", "import statistics; return (statistics.mean([]) + world"),
@@ -150,7 +158,7 @@ def test_an_installed_package_brings_an_observation_by_its_entry_point(
     installed(tmp_path, "their_first:pacing", package="their_first")
     monkeypatch.syspath_prepend(tmp_path)
     assert find_observation("pacing").sense(WORLD) == (0.25,)
-    assert know_observations([], ["pacing"]) == {}
+    assert register_observations([], ["pacing"]) == {}
     assert OBSERVATIONS["pacing"].sense(WORLD) == (0.25,)
 
 
@@ -181,17 +189,17 @@ def test_two_packages_for_one_behavior_are_refused_by_name(tmp_path: Path, monke
 
 def test_what_a_command_is_told_is_known_from_then_on(write: Write) -> None:
     path = write()
-    assert know_observations([str(path)], ["pacing"]) == {"pacing": f"{path}:pacing"}
-    know_observations([str(path)])
+    assert register_observations([str(path)], ["pacing"]) == {"pacing": f"{path}:pacing"}
+    register_observations([str(path)])
     assert instructor_of("pacing")((0.0,)) == (10.0, 20.0)
     tree = Tree("pacing", OBSERVATIONS["pacing"].features, (0,), (Leaf(1.0, 2.0, 3),))
     assert Behavior("pacer", tree).answer(WORLD).observation == (0.25,)
     with pytest.raises(BadInput, match="behavior 'pacing' already has an observation"):
-        know_observations([str(write(name="other.py"))])
+        register_observations([str(write(name="other.py"))])
 
 
 def test_an_observation_without_an_instructor_has_none(write: Write) -> None:
-    know_observations([str(write(SOUND.replace("sense, law", "sense")))])
+    register_observations([str(write(SOUND.replace("sense, law", "sense")))])
     with pytest.raises(BadInput, match="'pacing' has no scripted instructor"):
         instructor_of("pacing")
     assert instructor_of("ball_seeking") is INSTRUCTORS["ball_seeking"]

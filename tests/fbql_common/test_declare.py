@@ -102,7 +102,7 @@ def test_parameter_that_is_no_choice_is_refused_naming_the_choices(refused, para
         (["behaviors:=[a, b]"], "names none of the behaviors"),
         (["weight_floor:=0.5"], "3 behaviors leave at most 0.333333"),
         (["policy:=/nowhere/policy.npz"], "/nowhere/policy.npz: the policy can't be read"),
-        (["run_directory:=/proc/run"], "/proc/run: can't make the run directory"),
+        (["run_directory:=/proc/run"], "/proc/run: can't create the run directory"),
     ],
 )
 def test_fusion_parameters_that_do_not_go_together_are_refused(refused, arguments, said):

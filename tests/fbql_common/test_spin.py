@@ -156,7 +156,7 @@ def test_graph_survives_a_killed_behavior_and_idles_without_its_simulator(start_
 
     behaviors[2].send(signal.SIGKILL)
     behaviors[2].exit_code()
-    fusion.until_printed("approaching within 0.1 s: going on without")
+    fusion.until_printed("approaching within 0.1 s: continuing without it")
     step = worlds[-1].step
     bench.until(lambda: worlds[-1].episode > 0 or worlds[-1].step > step + 50, "fifty steps more")
 

@@ -113,7 +113,7 @@ def test_wrong_frame_is_rejected_naming_the_expected_one():
 def test_stamp_that_is_not_a_time_is_rejected(sec, nanosec):
     message = deserialize_message(wire.encode_world(WORLD), wire.MESSAGES[World])
     message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
-    with pytest.raises(wire.Rejected, match="not a time"):
+    with pytest.raises(wire.Rejected, match="not a valid time"):
         wire.decode_world(serialize_message(message))
 
 

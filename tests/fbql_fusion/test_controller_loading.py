@@ -13,8 +13,8 @@ import pytest
 from fbql_common import own_code
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, parameter
-from fbql_fusion.controller_loading import know_controller
-from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters, without_part
+from fbql_fusion.controller_loading import resolve_controller
+from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters, unused_parameters
 from fbql_fusion.core.registry import fusion_parameters, learns, make_controller, register_controller
 from fbql_fusion.core.session import Session
 from own_controller import bandit, only_ours
@@ -39,7 +39,7 @@ def values(**changes: Any) -> dict[str, Any]:
 
 
 def test_a_controller_of_a_file_plays_learns_and_takes_its_own_parameters(tmp_path: Path) -> None:
-    known = know_controller(bandit(tmp_path))
+    known = resolve_controller(bandit(tmp_path))
     assert known == ("Bandit", f"{tmp_path / 'bandit.py'}:Bandit")
     given = from_mapping(fusion_parameters(), values(bandit_rate=0.5), "here")
     assert learns(given)
@@ -62,7 +62,7 @@ def test_a_controller_of_a_file_plays_learns_and_takes_its_own_parameters(tmp_pa
 
 
 def test_the_same_seed_plays_the_same(tmp_path: Path) -> None:
-    know_controller(bandit(tmp_path))
+    resolve_controller(bandit(tmp_path))
     digests: list[str] = []
     for seed in (1, 1, 2):
         session = Session(from_mapping(fusion_parameters(), values(seed=seed, bandit_random=1.0), "here"))
@@ -72,20 +72,20 @@ def test_the_same_seed_plays_the_same(tmp_path: Path) -> None:
 
 
 def test_a_file_with_one_controller_needs_no_name(tmp_path: Path) -> None:
-    assert know_controller(bandit(tmp_path).removesuffix(":Bandit")).name == "Bandit"
+    assert resolve_controller(bandit(tmp_path).removesuffix(":Bandit")).name == "Bandit"
 
 
 def test_own_parameters_are_checked_and_belong_to_it_alone(tmp_path: Path) -> None:
-    know_controller(bandit(tmp_path))
+    resolve_controller(bandit(tmp_path))
     with pytest.raises(BadInput, match=r"'bandit_rate' is 2\.0, outside of"):
         from_mapping(fusion_parameters(), values(bandit_rate=2.0), "here")
     assert limits_of(fusion_parameters())["bandit_rate"].owners == ("Bandit",)
     own = from_mapping(fusion_parameters(), values(), "here")
-    assert list(without_part(own, ["bandit_rate", "fbql_rate"], guided=False)) == [
-        "fbql_rate plays no part: it belongs to fbql, and the controller is Bandit"
+    assert list(unused_parameters(own, ["bandit_rate", "fbql_rate"], guided=False)) == [
+        "fbql_rate has no effect: it belongs to fbql, and the controller is Bandit"
     ]
-    assert list(without_part(replace(own, controller="uniform"), ["bandit_rate"], guided=False)) == [
-        "bandit_rate plays no part: it belongs to Bandit, and the controller is uniform"
+    assert list(unused_parameters(replace(own, controller="uniform"), ["bandit_rate"], guided=False)) == [
+        "bandit_rate has no effect: it belongs to Bandit, and the controller is uniform"
     ]
 
 
@@ -136,7 +136,7 @@ def test_a_function_registered_from_python_gets_all_parameters() -> None:
 def test_what_is_wrong_with_a_file_is_one_line(tmp_path: Path, text: str, name: str, reason: str) -> None:
     path = written(tmp_path, text)
     with pytest.raises(BadInput) as refused:
-        know_controller(f"{path}{name}")
+        resolve_controller(f"{path}{name}")
     assert str(refused.value).startswith(f"{path}: ")
     assert reason in str(refused.value)
     assert "\n" not in str(refused.value)
@@ -153,12 +153,12 @@ def test_what_is_wrong_with_a_file_is_one_line(tmp_path: Path, text: str, name: 
             "has no method 'to_arrays'; one that learns has learn, to_arrays, load_arrays",
         ),
         ("return 1 / 0", "ZeroDivisionError in line 4: division by zero"),
-        ("return 5", "'select' gives a int; expected (weights, driver, q, learned weights)"),
-        ("return (1.0, 0.0), 7, (), ()", "'select' gives driver 7; expected the index of a behavior"),
-        ("return (1.0,), 0, (), ()", "'select' gives weights (1.0,); expected 2 numbers"),
-        ("return (1.0, 0.0), 0, (1.0,), ()", "'select' gives q (1.0,); expected 2 numbers or none"),
-        ("return (1.0, 'b'), 0, (), ()", "'select' gives weights (1.0, 'b')"),
-        ("return None, 0, (), ()", "'select' gives weights that are a NoneType"),
+        ("return 5", "'select' returns a int; expected (weights, driver, q, learned weights)"),
+        ("return (1.0, 0.0), 7, (), ()", "'select' returns driver 7; expected the index of a behavior"),
+        ("return (1.0,), 0, (), ()", "'select' returns weights (1.0,); expected 2 numbers"),
+        ("return (1.0, 0.0), 0, (1.0,), ()", "'select' returns q (1.0,); expected 2 numbers or none"),
+        ("return (1.0, 'b'), 0, (), ()", "'select' returns weights (1.0, 'b')"),
+        ("return None, 0, (), ()", "'select' returns weights that are a NoneType"),
     ],
 )
 def test_what_is_wrong_with_a_controller_is_one_line(tmp_path: Path, text: str, reason: str) -> None:
@@ -167,7 +167,7 @@ def test_what_is_wrong_with_a_controller_is_one_line(tmp_path: Path, text: str, 
             "class A:\n    def __init__(self, p, g): ...\n    def select(self, world, joint_state, outputs):\n"
             f"        {text}\n    def begin_episode(self, phase): ...\n"
         )
-    know_controller(f"{written(tmp_path, text)}:A")
+    resolve_controller(f"{written(tmp_path, text)}:A")
     with pytest.raises(BadInput) as refused:
         play(Session(replace(parameters(), controller="A")), 1)
     assert reason in str(refused.value)
@@ -189,20 +189,20 @@ def test_an_installed_controller_is_found_by_its_name(tmp_path: Path, monkeypatc
     monkeypatch.syspath_prepend(tmp_path)
     entries = [EntryPoint("bandit", "bandit:Bandit", "fbql.controllers")]
     monkeypatch.setattr(own_code, "entry_points", lambda group, name: [x for x in entries if x.name == name])
-    assert know_controller("bandit") == ("bandit", "")
+    assert resolve_controller("bandit") == ("bandit", "")
     assert make_controller(from_mapping(fusion_parameters(), values(controller="bandit"), "here")) is not None
     entries.append(EntryPoint("other", "nowhere:Bandit", "fbql.controllers"))
     with pytest.raises(BadInput, match=r"entry point fbql.controllers: other = nowhere:Bandit: ModuleNotFoundError"):
-        know_controller("other")
+        resolve_controller("other")
     entries.append(EntryPoint("other", "elsewhere:Bandit", "fbql.controllers"))
     with pytest.raises(BadInput, match="controller 'other' is installed twice"):
-        know_controller("other")
+        resolve_controller("other")
 
 
 def test_an_unknown_controller_names_those_that_are_known() -> None:
     with pytest.raises(
-        BadInput, match=r"unknown controller 'magic'; choose one of: fbql, .*; one of your own is FILE.py:NAME"
+        BadInput, match=r"unknown controller 'magic'; choose one of: fbql, .*; or FILE.py:NAME for your own"
     ):
-        know_controller("magic")
+        resolve_controller("magic")
     assert "magic" not in CONTROLLERS
     assert len(BEHAVIORS) == 2

@@ -186,7 +186,7 @@ def test_answer_that_does_not_belong_to_the_step_is_no_answer(make_team, bench, 
     bench.until(team.fusion.finished.done, "the run to end")
     assert team.fusion.finished.result() == FAILED
     assert "no answer from wall_avoiding within 0.2 s" in bench.said()
-    said = bench.said().count("/behaviors/wall_avoiding: a message has no stamp (said once)")
+    said = bench.said().count("/behaviors/wall_avoiding: a message has no stamp (reported once)")
     assert said == (changes.get("stamp_ns") == 0)
     assert [decision.step for decision in team.decisions] == [0]
 
@@ -314,7 +314,7 @@ def test_behavior_that_stops_answering_is_left_out_within_its_time(make_team, be
     assert decision.degraded and decision.joint_state == (0, NO_LEAF, 2)
     assert decision.weights == pytest.approx((0.5, 0.0, 0.5))
     assert team.simulator.commands[-1].left_rad_s == pytest.approx((10.0 + 30.0) / 2)
-    bench.until_said("no answer from wall_avoiding within 0.1 s: going on without; nothing more is learned")
+    bench.until_said("no answer from wall_avoiding within 0.1 s: continuing without it; nothing more is learned")
     shown_s = monotonic()
     team.play(*range(3, 10))
     assert monotonic() - shown_s < 0.7, "it was waited for again at every step"

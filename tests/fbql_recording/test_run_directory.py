@@ -156,7 +156,7 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_start(tmp_path):
 def test_a_run_begins_in_a_directory_that_is_there_and_unused(tmp_path, run):
     with pytest.raises(BadInput, match="no such run directory"):
         RunDirectory(tmp_path / "other", {}, [], Reports())
-    with pytest.raises(BadInput, match="holds a run already"):
+    with pytest.raises(BadInput, match="already holds a run"):
         RunDirectory(run.path, {}, [], Reports())
 
 

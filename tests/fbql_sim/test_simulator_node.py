@@ -108,7 +108,7 @@ def test_command_for_a_step_to_come_is_dropped_and_said(bench, lockstep):
     lockstep.reset()
     world = lockstep.worlds[-1]
     lockstep.command(world, step=5, stamp_ns=world.stamp_ns + 10**9)
-    bench.until_said("step 5, which is not there yet")
+    bench.until_said("step 5, which has not been reached yet")
     assert lockstep.worlds[-1].step == 0
 
 
@@ -139,7 +139,7 @@ def test_command_without_a_stamp_is_driven_and_warned_of_once(bench, realtime):
         return match.worlds[-1].step >= 2 and match.worlds[-1].robot_speed_m_s > 0.1
 
     bench.until(drives, "the robot to move")
-    assert bench.said().count("/wheel_command: a message has no stamp (said once)") == 1
+    assert bench.said().count("/wheel_command: a message has no stamp (reported once)") == 1
     assert "dropped" not in bench.said()
 
 

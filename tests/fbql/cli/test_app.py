@@ -92,7 +92,7 @@ def test_a_program_of_ros_says_what_to_type_next_as_ros2_run(monkeypatch: pytest
     monkeypatch.setattr("sys.argv", ["/opt/lib/fbql/tree", "--help"])
     with pytest.raises(SystemExit):
         app.executable()
-    assert places.typed("report") == "ros2 run fbql report"
+    assert places.command_text("report") == "ros2 run fbql report"
 
 
 def test_every_command_is_in_the_package_and_has_a_door() -> None:

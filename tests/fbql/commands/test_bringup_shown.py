@@ -14,7 +14,7 @@ import pytest
 from bringup_run import Run, Terminal
 from fbql.cli import output
 from fbql.cli.output import LiveLine
-from fbql.match.options import match_from, match_parser, policy_told
+from fbql.match.options import match_from, match_parser, policy_summary
 from fbql.match.result import next_steps, status_line, summary_text
 from run_directory_reader import summary_of
 
@@ -110,7 +110,7 @@ def test_a_result_is_told_in_lines_that_fit_a_terminal(tmp_path: Path) -> None:
 def test_guided_episodes_are_told_apart_from_what_they_count_in(tmp_path: Path) -> None:
     (tmp_path / "episodes.csv").write_text("index,phase\n0,guided\n1,guided\n2,learning\n")
     text = summary_text(SUMMARY, tmp_path, 1 / 60).splitlines()
-    (at,) = [i for i, line in enumerate(text) if line.startswith("  guided              2  episodes first; only")]
+    (at,) = [i for i, line in enumerate(text) if line.startswith("  guided              2  episodes came first")]
     assert text[at + 1].startswith("  played") and text[at + 2].startswith("  digest")
     assert max(map(len, text[at : at + 2])) < 80
 
@@ -118,7 +118,7 @@ def test_guided_episodes_are_told_apart_from_what_they_count_in(tmp_path: Path) 
 def test_a_result_names_the_policy_that_it_began_from(tmp_path: Path) -> None:
     def told(*words: str) -> str:
         options = match_parser("bringup.py", "").parse_args([*words, "--out", "/run"])
-        return summary_text(SUMMARY, Path("/run"), 1 / 60, policy_told(match_from(options)))
+        return summary_text(SUMMARY, Path("/run"), 1 / 60, policy_summary(match_from(options)))
 
     assert "  policy        shipped  which it started from; --policy none starts untrained\n" in told()
     assert "  policy           none  it started untrained\n" in told("--policy", "none")
@@ -157,9 +157,9 @@ def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None
     (tmp_path / "policy.npz").touch()
     again = next_steps(SUMMARY, tmp_path, " --trees mine")
     assert f"python3 scripts/bringup.py --trees mine --controller {SUMMARY['controller']} --policy" in again
-    assert "continue from what was learned" in again
+    assert "continue from the learned policy" in again
     frozen = next_steps(SUMMARY, tmp_path, "", learn=False)
-    assert "learn on from the policy that was played" in frozen
+    assert "continue learning from the policy that was played" in frozen
     assert f"--policy {tmp_path}/policy.npz --no-learn --realtime 1" in frozen
     learned = next_steps({**SUMMARY, "controller": "fbql_literal"}, tmp_path)
     assert f"--controller fbql_literal --policy {tmp_path}/policy.npz" in learned

@@ -90,7 +90,7 @@ def test_cart_has_the_leaves_it_is_told_or_as_many_as_cross_validation_chooses(
     assert told["leaves"] == 9
     assert load_tree(tmp_path / "tree.json").origin["method"] == "cart"
     chosen = induced(capsys, tmp_path, "--method", "cart", "--report")
-    assert "Choice of the size" in (tmp_path / "tree.html").read_text()
+    assert "Choice of size" in (tmp_path / "tree.html").read_text()
     assert 2 <= chosen["leaves"] <= 64
     best = induced(capsys, tmp_path, "--method", "dp")
     assert told["root_value"] < best["root_value"]
@@ -108,8 +108,8 @@ def test_without_scikit_learn_cart_is_refused_before_anything_is_done(
     ("words", "reason"),
     [
         (("dancing",), "unknown behavior 'dancing'"),
-        (("ball_seeking", "--leaves", "9"), "leaves is for method cart"),
-        (("ball_seeking", "--method", "dp", "--curve", "x"), "--curve is for --method rl"),
+        (("ball_seeking", "--leaves", "9"), "leaves applies only to method cart"),
+        (("ball_seeking", "--method", "dp", "--curve", "x"), "--curve needs --method rl"),
         (("ball_seeking", "--method", "magic"), "invalid choice: 'magic'"),
         (("ball_seeking", "--demos", "missing"), "missing: "),
         (("ball_seeking", "--observation", "missing.py"), "missing.py: cannot be read (No such file or directory)"),

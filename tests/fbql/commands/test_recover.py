@@ -130,8 +130,8 @@ def test_the_result_is_told_in_words_with_exit_code_3(killed, tmp_path, capsys):
     assert recover([str(killed), "--out", str(tmp_path / "new")]) == 3
     assert capsys.readouterr().out.splitlines() == [
         "recovered 732 messages, 122 steps",
-        f"damaged, but nothing is lost by it: {killed}: no metadata.yaml: the recording was not finished",
-        "lost: run_0.mcap.active: the file has no end; what came after the last flush is not in it",
+        f"damaged, but without loss: {killed}: no metadata.yaml: the recording was not finished",
+        "lost: run_0.mcap.active: the file was cut off; anything after the last flush is missing",
         f"recording  {tmp_path / 'new'}",
     ]
     assert recover([str(killed), "--allow-incomplete", "--out", str(tmp_path / "other")]) == 0

@@ -82,7 +82,7 @@ def test_an_origin_comes_back_as_it_was(recording: Path) -> None:
     ],
 )
 def test_an_origin_that_makes_no_sense_is_refused(told: str) -> None:
-    with pytest.raises(BadInput, match=r"^here: the origin that it names cannot be read"):
+    with pytest.raises(BadInput, match=r"^here: the origin of its demonstrations cannot be read"):
         origins_of({ORIGINS_KEY: told}, "here")
 
 
@@ -194,8 +194,8 @@ def test_recordings_of_two_behaviors_are_not_merged(
     [
         ([], "name the BEHAVIOR"),
         (["--keyboard"], "name the BEHAVIOR"),
-        ([BEHAVIOR, "--keyboard"], "a terminal is needed"),
-        ([BEHAVIOR, "--keyboard", "--steps", "5"], "--steps does not go with --keyboard"),
+        ([BEHAVIOR, "--keyboard"], "an interactive terminal is needed"),
+        ([BEHAVIOR, "--keyboard", "--steps", "5"], "--steps cannot be combined with --keyboard"),
         ([BEHAVIOR, "--keyboard", "--realtime", "nan"], "--realtime is nan"),
         (["--replay", "x", "--merge", "y"], "exclude each other"),
         (["--replay", "nowhere"], "nowhere: no such file"),

@@ -113,7 +113,7 @@ def test_a_node_of_the_same_name_in_the_domain_is_refused(start: Start, tmp_path
         assert second.exit_code() == 2
         assert second.stdout == ""
         assert second.stderr.count("\n") == 1
-        assert "runs already in ROS_DOMAIN_ID" in second.stderr
+        assert "is already running in ROS_DOMAIN_ID" in second.stderr
         assert not second.out.exists()
         assert first.popen.poll() is None
         first.send(signal.SIGTERM)
@@ -148,7 +148,7 @@ def test_a_full_disk_costs_the_recording_and_not_the_match(start: Start, tmp_pat
     whole = start(*match, script="train.py")
     assert whole.exit_code() == 0
     assert full.exit_code() == 3, full.stderr
-    assert full.stderr.count("the recording is incomplete: recording FAILED, the run goes on without it") == 1
+    assert full.stderr.count("the recording is incomplete: recording FAILED, the run continues without it") == 1
     assert "No space left on device" in full.stderr
     assert "Traceback" not in full.stderr
     assert full.stdout, full.stderr

@@ -152,7 +152,7 @@ def test_nothing_is_lost_when_it_is_interrupted(sit_down: Callable[..., Run], sc
     screen.until(run, "kept demonstration 1")
     drive(run, screen, "w", 12)
     screen.type("\x03")  # by the terminal, as a person does it
-    screen.until(run, "ended by SIGINT; what was demonstrated until then is written")
+    screen.until(run, "ended by SIGINT; what was demonstrated until then is saved")
     assert run.exit_code(END_S) == 0
     assert len(recorded(run.out)) == 2
     run.gone_within(END_S)
@@ -171,6 +171,6 @@ def test_without_a_terminal_it_says_so_in_one_line(start: Start) -> None:
     run = start(BEHAVIOR, "--keyboard", script="demonstrate.py")
     assert run.exit_code() == 2
     assert run.stderr.splitlines()[-1] == (
-        "demonstrate.py: a terminal is needed that can be drawn on: standard input is none; start it in a terminal"
+        "demonstrate.py: an interactive terminal is needed: standard input is not one; start it in a terminal"
     )
     assert not run.out.exists()

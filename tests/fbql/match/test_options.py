@@ -57,32 +57,32 @@ def test_the_same_options_are_what_was_set_and_not_what_a_run_chooses(tmp_path: 
     [
         (
             ["--set", "reward_collision=-50"],
-            ["reward_collision plays no part: the controller is fbql, whose own is fbql_reward_collision"],
+            ["reward_collision has no effect: the controller is fbql, whose own is fbql_reward_collision"],
         ),
         (["--controller", "subsumption", "--set", "reward_collision=-50"], []),
         (["--controller", "fbql_literal", "--set", "reward_collision=-50"], []),
         (
             ["--set", "discount=0.9", "--set", "fbql_value_trace=0.5", "--set", "tie_rule=first"],
             [
-                "discount plays no part: it belongs to fbql_literal, and the controller is fbql (whose own is fbql_discount)",
-                "fbql_value_trace plays no part: it belongs to fbql_value, and the controller is fbql (whose own is fbql_trace)",
-                "tie_rule plays no part: it belongs to fbql_literal, and the controller is fbql",
+                "discount has no effect: it belongs to fbql_literal, and the controller is fbql (whose own is fbql_discount)",
+                "fbql_value_trace has no effect: it belongs to fbql_value, and the controller is fbql (whose own is fbql_trace)",
+                "tie_rule has no effect: it belongs to fbql_literal, and the controller is fbql",
             ],
         ),
         (
             ["--controller", "fbql", "--preset", "paper"],
-            ["preset plays no part: it belongs to subsumption, the controller is fbql, and no episode is guided"],
+            ["preset has no effect: it belongs to subsumption, the controller is fbql, and no episode is guided"],
         ),
         (["--controller", "fbql", "--preset", "paper", "--policy", "none"], []),
         (["--controller", "fbql", "--preset", "paper", "--guided", "3"], []),
         (
             ["--controller", "uniform", "--set", "fbql_mirror=false", "--set", "layers=ball_seeking"],
             [
-                "fbql_mirror plays no part: it belongs to fbql and fbql_value, and the controller is uniform",
-                "layers plays no part: it belongs to subsumption, the controller is uniform, and no episode is guided",
+                "fbql_mirror has no effect: it belongs to fbql and fbql_value, and the controller is uniform",
+                "layers has no effect: it belongs to subsumption, the controller is uniform, and no episode is guided",
             ],
         ),
-        (["--controller", "uniform", "--no-learn"], ["--no-learn plays no part: uniform does not learn"]),
+        (["--controller", "uniform", "--no-learn"], ["--no-learn has no effect: uniform does not learn"]),
         (["--set", "max_steps=900", "--set", "reward_goal=5"], []),
     ],
 )

@@ -53,4 +53,4 @@ def test_a_controller_in_one_file_takes_part_everywhere(tmp_path: Path, capsys: 
     policy = str(tmp_path / "trained" / "policy.npz")
     assert train([*words, "--policy", policy, "--out", str(tmp_path / "on")]) == 0
     assert train(["--controller", "fbql_literal", "--policy", policy, "--out", str(tmp_path / "no")]) == 2
-    assert "the policy is of controller 'Bandit', not of 'fbql_literal'" in capsys.readouterr().err
+    assert "the policy belongs to controller 'Bandit', not of 'fbql_literal'" in capsys.readouterr().err

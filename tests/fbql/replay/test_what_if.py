@@ -151,8 +151,8 @@ def test_a_parameter_of_another_controller_plays_no_part_and_that_is_said(layere
     found = what_if(layered, capsys, "--set", "weight_gain=0.05", "--set", "fbql_rate=0.2")
     assert found["steps_that_differ"] == 0
     assert sorted(found["notes"]) == [
-        "fbql_rate plays no part: it belongs to fbql, and the controller is subsumption",
-        "weight_gain plays no part: it belongs to fbql_literal, and the controller is subsumption",
+        "fbql_rate has no effect: it belongs to fbql, and the controller is subsumption",
+        "weight_gain has no effect: it belongs to fbql_literal, and the controller is subsumption",
     ]
     others = {
         "fbql_mirror=false": "fbql and fbql_value",
@@ -161,7 +161,7 @@ def test_a_parameter_of_another_controller_plays_no_part_and_that_is_said(layere
     }
     for change, owner in others.items():
         assert what_if(layered, capsys, "--set", change)["notes"] == [
-            f"{change.split('=')[0]} plays no part: it belongs to {owner}, and the controller is subsumption"
+            f"{change.split('=')[0]} has no effect: it belongs to {owner}, and the controller is subsumption"
         ]
     assert main([str(layered), "--set", "weight_gain=0.05"]) == 0
     assert capsys.readouterr().out.endswith(f"{sorted(found['notes'])[-1]}\n")
@@ -170,7 +170,7 @@ def test_a_parameter_of_another_controller_plays_no_part_and_that_is_said(layere
     assert what_if(learned, capsys, "--preset", "paper")["notes"] == []
     unguided = what_if(learned, capsys, "--preset", "paper", "--set", "guided=0")
     assert unguided["notes"] == [
-        "preset plays no part: it belongs to subsumption, the controller is fbql_literal, and no episode is guided"
+        "preset has no effect: it belongs to subsumption, the controller is fbql_literal, and no episode is guided"
     ]
 
 

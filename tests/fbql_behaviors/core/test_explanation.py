@@ -10,7 +10,7 @@ from fbql_behaviors.core.explanation import (
     Motion,
     condition,
     conditions,
-    explained,
+    describe_tree,
     motion_of,
     rounded,
     rules,
@@ -45,7 +45,7 @@ def test_a_rule_names_each_feature_once_however_often_the_way_halved_it() -> Non
     assert rules(tree)[3].sentence == (
         "ball 0.8-1.2 m away, to the left -> forwards, turning left (left 20, right 45 rad/s; 12 patterns)"
     )
-    assert explained(tree).splitlines()[0].startswith("leaf 0: ball 1.6 m away or farther -> ")
+    assert describe_tree(tree).splitlines()[0].startswith("leaf 0: ball 1.6 m away or farther -> ")
 
 
 def test_a_tree_of_one_leaf_always_does_the_same() -> None:

@@ -132,7 +132,7 @@ def test_classes_that_no_other_demonstration_shows_are_warned_about(alone: int, 
     classes = [5] * (n - alone) + [6] * alone
     numbers = [k % 2 for k in range(n - alone)] + [2] * alone
     said = patterns_from_rows(FEATURES, rows, classes, numbers).warnings()
-    assert ("3 of 20 patterns are of classes that one demonstration alone shows" in "".join(said)) == warned
+    assert ("3 of 20 patterns are of classes that occur in only one demonstration" in "".join(said)) == warned
     assert patterns_from_rows(FEATURES, rows, classes).warnings() == []  # of a single demonstration nothing is held out
 
 

@@ -30,7 +30,7 @@ def test_defaults_are_valid_and_every_parameter_is_described():
         ({"layers": ["ball_seeking", "ball_seeking"]}, "'ball_seeking' twice"),
         (
             {"layers": ["wall_avoiding", "aproaching"]},
-            "'layers' has 'aproaching', which is none of the behaviors (ball_",
+            "'layers' has 'aproaching', which is not one of the behaviors (ball_",
         ),
         ({"layers": ["ball_seeking", "dribbling"]}, "'layers' has 'dribbling'"),
         ({"behaviors": ["dribbling"]}, "names none of the behaviors"),

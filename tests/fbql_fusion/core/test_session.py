@@ -563,7 +563,7 @@ def taught() -> Session:
     ("changes", "parameters", "reason"),
     [
         ({}, {"controller": "subsumption"}, "takes no policy"),
-        ({"kind": "other"}, {}, "of controller 'other'"),
+        ({"kind": "other"}, {}, "to controller 'other'"),
         ({"behaviors": ("ball_seeking", "approaching", "wall_avoiding")}, {}, "in this order"),
         ({"arrays": {}}, {}, "no array 'joint_states'"),
     ],

@@ -123,8 +123,8 @@ string[] words
     ("values", "says"),
     [
         ([7, 8, "map", 3, 4, 0.0, 0.0], "frame_id is 'map', expected 'field'"),
-        ([-1, 8, "field", 3, 4, 0.0, 0.0], "is no time"),
-        ([7, 10**9, "field", 3, 4, 0.0, 0.0], "is no time"),
+        ([-1, 8, "field", 3, 4, 0.0, 0.0], "is not a valid time"),
+        ([7, 10**9, "field", 3, 4, 0.0, 0.0], "is not a valid time"),
     ],
 )
 def test_a_message_that_is_none_of_ours_is_malformed(values, says):

@@ -133,7 +133,7 @@ def test_a_killed_run_gets_its_end_and_its_result(killed, tmp_path):
     assert summary == expected
     verified = verification_of(found.path)
     assert (verified.steps, verified.difference, verified.digest) == (found.steps, None, digest_of(whole))
-    assert open_run(found.path).warnings == [f"{found.path}: recovered; lost is what came after the end of the file"]
+    assert open_run(found.path).warnings == [f"{found.path}: recovered; lost: what came after the end of the file"]
     assert [episode.seed for episode in open_run(found.path).episodes()] == [
         episode.seed for episode in open_run(whole).episodes()
     ]

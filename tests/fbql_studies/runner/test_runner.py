@@ -144,7 +144,7 @@ def test_a_run_goes_on_where_a_killed_one_was(tmp_path: Path, capsys: pytest.Cap
     assert main(arguments(tmp_path, "--seeds", "2", "--others", "wait")) == 0
     assert not is_running(worker)
     assert sorted(probe_study.attempts(tmp_path)) == ["draw0", "draw1", "wait", "wait"]
-    assert "2 of 3 tasks are done already" in capsys.readouterr().err
+    assert "2 of 3 tasks are already done" in capsys.readouterr().err
 
 
 def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(tmp_path: Path) -> None:
@@ -242,7 +242,7 @@ def test_a_directory_serves_more_seeds_and_fewer(tmp_path: Path, capsys: pytest.
     assert main(arguments(tmp_path, "--seeds", "2")) == 0
     told = capsys.readouterr()
     assert json.loads(told.out)["table"][0]["n"] == 2
-    assert told.err == "2 of 2 tasks are done already\n"
+    assert told.err == "2 of 2 tasks are already done\n"
     assert len(probe_study.attempts(tmp_path)) == 3
 
 

@@ -9,8 +9,8 @@ play                  play a match in this process, without ROS; a `PlayResult`
 train                 the same with a controller that learns; the result has a policy to save or to play
 induce                demonstrations or patterns -> a decision tree; an `InductionResult`
 open_run              read a recorded run
-register_controller   add a controller of your own under a name
-register_observation  add a behavior of your own: what it senses
+register_controller   add your own controller under a name
+register_observation  add your own behavior: what it senses
 BadInput              raised for input that can't be used, with one line: what is wrong, where, what to do
 
 Nothing here needs ROS or matplotlib, and nothing is imported before it is used. The same things are commands: `fbql --help`.

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fbql_behaviors.core.explanation import explained
+from fbql_behaviors.core.explanation import describe_tree
 from fbql_behaviors.core.patterns import Demonstration, Patterns
 from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
-from fbql_fusion.controller_loading import know_controller
+from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import fusion_parameters, learns
 from fbql_fusion.core.session import Session
@@ -27,7 +27,7 @@ from fbql_recording.core.columns import BLOCK_STEPS, Columns, Recorded, block_of
 from fbql_recording.core.metrics import EpisodeRecord
 from fbql_recording.core.steps import Step
 
-from fbql.cli.observations import know_observations
+from fbql.cli.observations import register_observations
 from fbql.demonstrations.make_tree import (
     INDUCTION_SEED,
     InducedTree,
@@ -113,7 +113,7 @@ def play(
             from the shipped policy, if it has the shipped trees and is not guided; other controllers start untrained.
         trees: directory with NAME.json of each behavior, or behavior -> tree or file, for those that differ from the
             shipped ones.
-        observations: FILE.py:NAME of what behaviors of your own sense.
+        observations: FILE.py:NAME of what your own behaviors sense.
         max_steps: steps after which an episode is truncated (a timeout).
         parameters: other parameters of fusion and simulation by name (docs/parameters.md).
         steps: whether to keep every step, about 0.5 kB each.
@@ -169,7 +169,7 @@ def train(controller: str = "fbql", **arguments: Any) -> PlayResult:
     """
     if not arguments.setdefault("learn", True):
         raise BadInput("train with learn=False does not learn; use play")
-    name = know_controller(controller).name
+    name = resolve_controller(controller).name
     if not learns(fusion_parameters()(controller=name)):
         raise BadInput(f"controller '{controller}' does not learn; use play")
     return play(controller, **arguments)
@@ -197,7 +197,7 @@ class InductionResult:
 
     def explain(self) -> str:
         """Each leaf in words, one line per leaf: where it is, and what the robot does there."""
-        return explained(self.tree)
+        return describe_tree(self.tree)
 
     def save(self, path: PathLike) -> Path:
         """Writes the tree file (.json), which the behavior's node and `trees=` take. Returns its path. Raises OSError."""
@@ -227,13 +227,13 @@ def induce(
         every: take every n-th step of a demonstration as a pattern.
         patterns: take at most this many patterns.
         leaves: number of leaves of method cart.
-        observations: FILE.py:NAME of what behaviors of your own sense.
+        observations: FILE.py:NAME of what your own behaviors sense.
         parameters: other parameters of the induction, such as split_cost or objective (docs/parameters.md).
 
     Raises:
         BadInput: an unknown behavior, a value out of range, or demonstrations that can't be used.
     """
-    know_observations(observations, [behavior])
+    register_observations(observations, [behavior])
     request = request_of(
         behavior, method=method, seed=seed, every=every, patterns=patterns, leaves=leaves, **parameters
     )

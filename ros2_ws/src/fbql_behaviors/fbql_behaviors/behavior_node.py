@@ -33,17 +33,17 @@ from fbql_behaviors.storage import load_tree
 class BehaviorNodeParameters:
     """Parameters of a behavior node."""
 
-    tree_file: str = parameter("", "tree file to run; empty: the tree that ships for this behavior")
+    tree_file: str = parameter("", "tree file to run; empty: the shipped tree of this behavior")
     name: str = parameter("", "name of the behavior, and so its topic behaviors/<name>; empty: the tree file's")
     observation: str = parameter(
         "",
-        "FILE.py:NAME of the Observation that the tree of a behavior of your own was made with; empty: this package's, "
+        "FILE.py:NAME of the Observation that your own behavior's tree was made with; empty: this package's, "
         "or an installed one's",
     )
 
 
 class BehaviorNode(GraphNode):
-    """One behavior, with the tree that ships for `behavior_name`, or the one in `tree_file`."""
+    """One behavior, with the shipped tree for `behavior_name`, or the one in `tree_file`."""
 
     def __init__(self, behavior_name: str = "", **options: Any) -> None:
         super().__init__(behavior_name or "behavior", **options)
@@ -78,7 +78,7 @@ class BehaviorNode(GraphNode):
 
 def _shipped(behavior_name: str) -> Path:
     if not behavior_name:
-        raise BadInput("behavior: no tree to run; say which with --ros-args -p tree_file:=FILE")
+        raise BadInput("behavior: no tree to run; name one with --ros-args -p tree_file:=FILE")
     return shipped_trees() / f"{behavior_name}.json"
 
 

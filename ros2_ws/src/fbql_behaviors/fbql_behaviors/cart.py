@@ -1,4 +1,5 @@
-"""CART (Breiman et al. 1984) by scikit-learn, as a baseline for our induction: from the same patterns to a tree of ours.
+"""CART (Breiman et al. 1984) by scikit-learn, as a baseline for our induction: a tree of our own type from the same
+patterns.
 
 It is a DecisionTreeRegressor of both wheels' levels, grown best split first, so that its size is a number of leaves. Unless
 a size is given, cross-validation by demonstration chooses it. Only this module needs scikit-learn.

@@ -55,7 +55,7 @@ def find_observation(behavior: str, source: str = "") -> Observation:
         return observation_of(behavior)
     except BadInput as error:
         raise BadInput(
-            f"{error}; a behavior of your own takes its observation: FILE.py:{behavior}, or an installed package's"
+            f"{error}; your own behavior needs its observation: FILE.py:{behavior}, or an installed package's"
         ) from None
 
 
@@ -86,7 +86,7 @@ def _check(behavior: str, observation: Observation, where: str) -> Observation:
     """The observation, once its parts are known to be valid. Raises BadInput."""
     names = [feature.name for feature in observation.features]
     if not names or len(set(names)) < len(names):
-        raise BadInput(f"{where}: behavior '{behavior}' needs features, each with a name of its own")
+        raise BadInput(f"{where}: behavior '{behavior}' needs features, each with its own name")
     for feature in observation.features:
         if not feature.low < feature.high:
             raise BadInput(f"{where}: feature '{feature.name}': low {feature.low} must be below high {feature.high}")
@@ -107,12 +107,12 @@ def _try_sense(sense: Any, names: Sequence[str], where: str) -> None:
         raise BadInput(f"{where}: {in_one_line(error, file)}") from None
     expected = f"expected {len(names)}: {', '.join(names)}"
     if not isinstance(observed, tuple | list):
-        raise BadInput(f"{where} gives a {type(observed).__name__} instead of a tuple; {expected}")
+        raise BadInput(f"{where} returns a {type(observed).__name__} instead of a tuple; {expected}")
     values = cast("Sequence[Any]", observed)
     if len(values) != len(names):
-        raise BadInput(f"{where} gives {len(values)} value{'' if len(values) == 1 else 's'}; {expected}")
+        raise BadInput(f"{where} returns {len(values)} value{'' if len(values) == 1 else 's'}; {expected}")
     for name, value in zip(names, values, strict=True):
         if isinstance(value, bool) or not isinstance(value, Real):
-            raise BadInput(f"{where} gives a {type(value).__name__} as '{name}', expected a number")
+            raise BadInput(f"{where} returns a {type(value).__name__} as '{name}', expected a number")
         if not isfinite(value):
-            raise BadInput(f"{where} gives {value} as '{name}', expected a finite number")
+            raise BadInput(f"{where} returns {value} as '{name}', expected a finite number")

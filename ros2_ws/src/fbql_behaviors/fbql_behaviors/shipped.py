@@ -1,4 +1,4 @@
-"""The trees that ship with this package."""
+"""The trees shipped with this package."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ from pathlib import Path
 
 
 def shipped_trees() -> Path:
-    """The directory that holds the tree file NAME.json of each behavior that ships."""
+    """The directory that holds the tree file NAME.json of each shipped behavior."""
     return Path(__file__).with_name("trees")

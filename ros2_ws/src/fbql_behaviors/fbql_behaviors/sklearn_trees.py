@@ -90,7 +90,7 @@ def from_arrays(
         index, region, parent, is_left = pending.pop()
         while True:
             if visited[index]:
-                raise BadInput(f"children_left, children_right: node {index} is reached twice; this is no tree")
+                raise BadInput(f"children_left, children_right: node {index} is reached twice; this is not a tree")
             visited[index] = True
             if checked.left[index] == NO_CHILD:
                 node: Node = len(leaves)

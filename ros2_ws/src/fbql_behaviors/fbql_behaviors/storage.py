@@ -98,7 +98,7 @@ def tree_from_bytes(data: bytes) -> Tree:
     if tree.behavior in OBSERVATIONS:
         check_features(tree, OBSERVATIONS[tree.behavior])
     if content.get("sha256") != tree.hash:
-        raise BadInput(f"sha256 does not fit the content, which has {tree.hash}; the file was changed or damaged")
+        raise BadInput(f"sha256 does not match the content, which has {tree.hash}; the file was changed or damaged")
     return tree
 
 
@@ -139,7 +139,7 @@ def _get(content: Any, key: str) -> Any:
 def _value[T](content: Any, key: str, kind: type[T]) -> T:
     value = _get(content, key)
     if not isinstance(value, kind) or isinstance(value, bool):
-        raise BadInput(f"'{key}' is missing, or of a wrong type")
+        raise BadInput(f"'{key}' is missing, or of the wrong type")
     return value
 
 

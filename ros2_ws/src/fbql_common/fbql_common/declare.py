@@ -48,7 +48,7 @@ def given_text(node: Node, name: str) -> str:
 
 
 def declare_parameters[T](node: Node, declaration: type[T]) -> T:
-    """Declares every field as a read-only parameter with type, range and description; gives the typed values.
+    """Declares every field as a read-only parameter with type, range and description; returns the typed values.
 
     Raises:
         BadInput: a parameter that the node does not know (a misspelt name in a YAML file would otherwise be
@@ -76,7 +76,7 @@ def _declare[T](node: Node, declaration: type[T], where: str) -> T:
             given = None  # that is how rcl reads an empty list
         if given is not None:
             from_mapping(declaration, {name: _value_of(given, kind, where)}, where)
-        # The type of an empty list can't be told from its value.
+        # The type of an empty list can't be inferred from its value.
         declared = _TYPES[kind] if default == [] else default
         descriptor = _descriptor(kind, limits[name])
         try:

@@ -77,7 +77,7 @@ class Input[T: Stamped]:
         self._last_s = monotonic()
         if value.stamp_ns == 0 and not self._warned_unstamped:
             self._warned_unstamped = True
-            self._node.get_logger().warning(f"{self.topic}: a message has no stamp (said once)")
+            self._node.get_logger().warning(f"{self.topic}: a message has no stamp (reported once)")
         self._deliver(value, data)
 
     def drop(self, reason: str) -> None:
@@ -106,13 +106,13 @@ class Input[T: Stamped]:
                 self._mismatch(
                     info.topic_type,
                     f"{self.topic}: {who} publishes {info.topic_type}, expected {self._type_name}; "
-                    "nothing of it will arrive",
+                    "its messages will not arrive",
                 )
 
     def _on_incompatible_qos(self, event: Any) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
         self._mismatch(
-            policy, f"{self.topic}: a publisher's QoS is incompatible in {policy}; nothing of it will arrive"
+            policy, f"{self.topic}: a publisher's QoS is incompatible in {policy}; its messages will not arrive"
         )
 
     def _mismatch(self, what: str, text: str) -> None:

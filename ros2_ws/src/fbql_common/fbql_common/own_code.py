@@ -1,4 +1,4 @@
-"""Loads the user's code: a Python file named as FILE.py:NAME, or an entry point of an installed package.
+"""Loads the user's code: a Python file given as FILE.py:NAME, or an entry point of an installed package.
 
 Only code that the user named or installed is run, never code that a recording, a tree or a policy names.
 """

@@ -71,7 +71,7 @@ def _read(codec: Codec, data: bytes) -> tuple[int, list[Any]]:
         raise Rejected(f"malformed: {error}") from None
     sec, nanosec, frame = values[0], values[1], values[2]
     if sec < 0 or nanosec >= NS:
-        raise Rejected(f"the stamp ({sec} s, {nanosec} ns) is not a time")
+        raise Rejected(f"the stamp ({sec} s, {nanosec} ns) is not a valid time")
     if frame != FIELD_FRAME:
         raise Rejected(f"frame_id is '{frame}', expected '{FIELD_FRAME}'")
     return sec * NS + nanosec, values[3:]  # pyright: ignore

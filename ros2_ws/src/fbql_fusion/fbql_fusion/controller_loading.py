@@ -1,9 +1,9 @@
 """Where a controller comes from: this package, a Python file that the user names, or an installed package.
 
-A file is named as FILE.py:NAME. NAME, at the file's top level, is a class or function (parameters, generator) that gives a
-controller, and is the controller's name; FILE.py alone will do where it has one class with a method `select`. Its own
-parameters are those of its attribute `Parameters`, see `core.registry`. An installed package declares the same as an
-entry point of the group `fbql.controllers`:
+A file is named as FILE.py:NAME. NAME, at the file's top level, is a class or function (parameters, generator) that
+returns a controller, and is also the controller's name; FILE.py alone is enough if it has only one class with a method
+`select`. Its own parameters are those of its attribute `Parameters`, see `core.registry`. An installed package declares
+the same as an entry point of the group `fbql.controllers`:
 
     entry_points={"fbql.controllers": ["greedy = my_package.greedy:Greedy"]}
 """
@@ -24,33 +24,33 @@ GROUP = "fbql.controllers"
 
 
 class KnownController(NamedTuple):
-    """A controller that can be made by its name."""
+    """A controller that can be created by its name."""
 
     name: str
     source: str = ""
-    """FILE.py:NAME with an absolute path, by which any other process finds it; "" where it is not of a file."""
+    """FILE.py:NAME with an absolute path, by which any other process finds it; "" if it does not come from a file."""
 
 
 def is_file(source: str) -> bool:
-    """Whether this names a file of the user's, not a controller that is known or installed."""
+    """Whether this names a user's file and not a known or installed controller."""
     return source.endswith(".py") or ".py:" in source
 
 
-def know_controller(source: str) -> KnownController:
-    """Makes a controller known: FILE.py:NAME, or the name of one that is known or installed.
+def resolve_controller(source: str) -> KnownController:
+    """Registers a controller: FILE.py:NAME, or the name of one that is known or installed.
 
-    Raises BadInput: there is none, or it can't be used; with the file and the reason.
+    Raises BadInput, with the file and the reason, if there is none or it can't be used.
     """
     if is_file(source):
         return _from_file(source)
-    if not know_installed(source):
+    if not register_installed(source):
         known = ", ".join([*CONTROLLERS, *sorted(installed())])
-        raise BadInput(f"unknown controller '{source}'; choose one of: {known}; one of your own is FILE.py:NAME")
+        raise BadInput(f"unknown controller '{source}'; choose one of: {known}; or FILE.py:NAME for your own")
     return KnownController(source)
 
 
-def know_installed(name: str) -> bool:
-    """Makes a controller of an installed package known. Whether there is one of this name, or one that is known already."""
+def register_installed(name: str) -> bool:
+    """Registers a controller of an installed package. Returns whether a controller of this name is known now."""
     if name in CONTROLLERS:
         return True
     found = load_installed(GROUP, name, "controller")

@@ -1,4 +1,4 @@
-"""The episodes of a run, asked for one after the other at the simulator's service."""
+"""The episodes of a run, requested one after another from the simulator's service."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _ASK_AGAIN_S = 2.0
 
 
 class Episodes:
-    """Asks the simulator for each episode, and again when the answer, or the whole episode, got lost.
+    """Requests each episode from the simulator, and again when the answer or the whole episode was lost.
 
-    Owns: what was asked for and when. Does not own: the schedule (the session's), the steps of an episode.
+    Owns: what was requested and when. Does not own: the schedule (the session's), the steps of an episode.
 
     Args:
-        lost_after_s: when only world states of something else come for this long, the episode is lost [s].
-        restarted: told when the episode under way begins again.
+        lost_after_s: when only world states of other episodes arrive for this long, the episode is lost [s].
+        restarted: called when the current episode restarts.
     """
 
     def __init__(
@@ -43,10 +43,11 @@ class Episodes:
         self._client = node.create_client(ResetEpisode, RESET_EPISODE)
         self.service = node.resolve_service_name(RESET_EPISODE)
         self._asked: tuple[int, int] | None = None
-        """The episode and seed that the simulator was asked for and has not granted yet."""
+        """The episode and seed that were requested and not granted yet."""
         self._asked_s = float("-inf")
         self.heard_s = float("-inf")
-        """When the episode's last world state came, or, before that, when it was asked for or granted."""
+        """When the episode's last world state arrived or, before the first, when the episode was requested or
+        granted."""
         self.under_way = False
         """Whether an episode was granted and has not ended."""
 
@@ -55,7 +56,7 @@ class Episodes:
         return self._client.service_is_ready()
 
     def begin_next(self) -> bool:
-        """Asks for the next episode; False when the run is done."""
+        """Requests the next episode; returns False when the run is done."""
         self.under_way = False
         asked = self._session.next_episode()
         if asked is not None:
@@ -63,8 +64,8 @@ class Episodes:
         return asked is not None
 
     def heard_foreign(self, world: World) -> None:
-        """A world state came that is not the episode's. When nothing else comes the simulator has lost the episode:
-        it was started again, or somebody else gave it another one."""
+        """Call this for a world state of another episode. If no others arrive, the simulator has lost the episode: it
+        was restarted, or somebody else requested another one."""
         if self.under_way and monotonic() - self.heard_s > self._lost_after_s:
             self.under_way = False
             episode, seed = self._session.restart_episode()
@@ -76,7 +77,7 @@ class Episodes:
             self._begin((episode, seed), anywhere=True)
 
     def check(self, now_s: float) -> None:
-        """Asks again when no answer came. Asking again does no harm (ResetEpisode.srv)."""
+        """Repeats a request that was not answered; repeating it is idempotent (ResetEpisode.srv)."""
         if self._asked is not None and now_s - self._asked_s > _ASK_AGAIN_S and self.can_ask():
             self._ask(self._asked)
 

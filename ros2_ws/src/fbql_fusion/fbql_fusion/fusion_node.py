@@ -1,9 +1,9 @@
 """The fusion node: world state and behavior outputs come in, the fused wheel command goes out and the run is recorded.
 
-Owns: the session (schedule, learning, results) and the recording. Does not own: the world, which it asks for the
-next episode, and the behaviors, whose answers it waits for.
-Subscribes `world`, `behaviors/<name>`; publishes `wheel_command`, `fusion/decision`, `/diagnostics`; calls
-`simulator/reset_episode`; serves `~/save_policy`. Parameters: `FusionNodeParameters`, `FusionParameters`.
+Owns: the session (schedule, learning, results) and the recording. Does not own: the world, from which it requests the
+next episode, and the behaviors, for whose answers it waits. Subscribes `world`, `behaviors/<name>`; publishes
+`wheel_command`, `fusion/decision`, `/diagnostics`; calls `simulator/reset_episode`; serves `~/save_policy`. Parameters:
+`FusionNodeParameters`, `FusionParameters`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from fbql_msgs.msg import FusionDecision
 from fbql_msgs.msg import WheelCommand as WheelCommandMsg
 from fbql_msgs.srv import SavePolicy
 
-from fbql_fusion.controller_loading import know_controller, know_installed
+from fbql_fusion.controller_loading import register_installed, resolve_controller
 from fbql_fusion.core.assembly import Arrival, Step, StepAssembly
 from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.session import Session
@@ -46,7 +46,7 @@ from fbql_fusion.status import Status
 
 _CHECK_PERIOD_S = 0.02
 _SAY_PERIOD_S = 5.0
-"""How often the node says what it waits for [s]."""
+"""How often the node reports what it waits for [s]."""
 
 
 class FusionNode(GraphNode):
@@ -88,7 +88,7 @@ class FusionNode(GraphNode):
         self._command_data = b""
         self._stopped = True
         self._given_up: set[str] = set()
-        """Behaviors that were said to be missing in this episode."""
+        """Behaviors that were reported missing in this episode."""
         self._rejected = 0
         self._made_s = self._began_s = self._checked_s = self._said_s = monotonic()
         self._check_timer = steady_timer(self, _CHECK_PERIOD_S, self._check)
@@ -148,7 +148,7 @@ class FusionNode(GraphNode):
     # What did not come
 
     def _check(self) -> None:
-        """Begins when everything is there, asks again, and deals with what is late. On the steady clock."""
+        """Begins when everything is there, repeats requests, and handles late inputs, on the steady clock."""
         now = monotonic()
         stood_still_s = now - self._checked_s - _CHECK_PERIOD_S
         self._checked_s = now
@@ -188,7 +188,8 @@ class FusionNode(GraphNode):
                 source.check_types()
 
     def _check_behaviors(self, now: float) -> None:
-        """Behaviors that do not answer: the step is decided without them, or ends the run (see the parameters)."""
+        """Handles behaviors that do not answer: the step is decided without them, or ends the run (see the
+        parameters)."""
         late_s, end_s = self._settings.behavior_timeout_s, self._settings.lockstep_timeout_s
         waited_s = now - self._began_s
         if 0 < end_s < waited_s:
@@ -204,7 +205,7 @@ class FusionNode(GraphNode):
         if given_up:
             self._given_up.update(given_up)
             self.get_logger().error(
-                f"no answer from {', '.join(given_up)} within {late_s:g} s: going on without; "
+                f"no answer from {', '.join(given_up)} within {late_s:g} s: continuing without it; "
                 "nothing more is learned in this episode"
             )
         step = self._assembly.complete()
@@ -214,7 +215,7 @@ class FusionNode(GraphNode):
         self._decide(step)
 
     def _check_world(self, now: float) -> None:
-        """World states that do not come: the wheels are stopped, and the run may end (see the parameters)."""
+        """Handles missing world states: the wheels are stopped, and the run may end (see the parameters)."""
         stop_s, end_s = self._settings.world_timeout_s, self._settings.lockstep_timeout_s
         waited_s = now - self._episodes.heard_s
         if 0 < end_s < waited_s:
@@ -225,7 +226,7 @@ class FusionNode(GraphNode):
             self._stop_wheels()
 
     def _stop_wheels(self) -> None:
-        """Wheels at rest until the next world state.
+        """Stops the wheels until the next world state.
 
         The command carries the step that was decided last, so that a simulator in lockstep does not take it.
         """
@@ -234,7 +235,7 @@ class FusionNode(GraphNode):
             self._command_publisher.publish(encode_command(self._command._replace(left_rad_s=0.0, right_rad_s=0.0)))
 
     def _due(self, now: float) -> bool:
-        """Whether it is time to say again what is waited for."""
+        """Whether it is time to report again what is awaited."""
         due = now - self._said_s > _SAY_PERIOD_S
         if due:
             self._said_s = now
@@ -259,14 +260,14 @@ class FusionNode(GraphNode):
 
 
 def _know_controller(node: FusionNode) -> str:
-    """Makes a controller that this package does not have known, with its parameters, before they are declared.
+    """Registers a controller from outside this package, with its parameters, before they are declared.
 
-    Gives the name of the one in `controller_file`, or "". Raises BadInput.
+    Returns the name of the one in `controller_file`, or "". Raises BadInput.
     """
     if source := given_text(node, "controller_file"):
-        return know_controller(source).name
+        return resolve_controller(source).name
     if name := given_text(node, "controller"):
-        know_installed(name)
+        register_installed(name)
     return ""
 
 

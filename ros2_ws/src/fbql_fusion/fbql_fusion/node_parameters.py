@@ -1,4 +1,4 @@
-"""The parameters of the fusion node beside those of fusion itself."""
+"""The fusion node's parameters other than those of fusion itself."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ class FusionNodeParameters:
 
     run_directory: str = parameter(
         "",
-        "directory of the run: made, or one without a recording; empty: runs/TIME-CONTROLLER-sSEED in the working directory",
+        "directory of the run: a new one, or an existing one without a recording; "
+        "empty: runs/TIME-CONTROLLER-sSEED in the working directory",
     )
     record: bool = parameter(True, "whether the run is recorded to MCAP")
     policy: str = parameter("", "policy.npz of an earlier run to start from; empty: none")
     controller_file: str = parameter(
-        "", "FILE.py:NAME of a controller of your own; empty: one of this package or of an installed one"
+        "", "FILE.py:NAME of your own controller; empty: one of this package or of an installed one"
     )
     tree_files: list[str] = parameter([], "tree files in use: copied into the run directory and the recording")
     config_file: str = parameter(
@@ -29,17 +30,18 @@ class FusionNodeParameters:
     )
     behavior_timeout_s: float = parameter(
         0.1,
-        "a behavior that answers later than this is left out: weights of the others, nothing learned in this episode; 0: never",
+        "a behavior that answers later than this is left out: its weight goes to the others, and nothing more is learned "
+        "in this episode; 0: never",
         unit="s",
         low=0.0,
         high=60.0,
     )
     start_timeout_s: float = parameter(
-        0.0, "inputs that are not there after this end the run; 0: waits for ever", unit="s", low=0.0, high=3700.0
+        0.0, "inputs still missing after this time end the run; 0: waits forever", unit="s", low=0.0, high=3700.0
     )
     lockstep_timeout_s: float = parameter(
         0.0,
-        "a step whose answers, or whose world state, take longer than this ends the run; 0: waits for ever",
+        "a step whose answers, or whose world state, take longer than this ends the run; 0: waits forever",
         unit="s",
         low=0.0,
         high=3600.0,

@@ -1,4 +1,4 @@
-"""Policies as files: a .npz of plain arrays, checked before anything in it is believed. Never a pickle.
+"""Policies as files: a .npz of plain arrays, checked before anything in it is used. Never a pickle.
 
 Arrays: format_version int64 [], kind text [], behaviors text [n], tree_hashes text [n], leaf_counts int64 [n], and
 the controller's own arrays as array/<name>.
@@ -28,11 +28,11 @@ MAX_ARRAYS = 64
 _PREFIX = "array/"
 
 _NO_POLICY = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, MemoryError)
-"""What zipfile and NumPy raise for bytes that are no .npz."""
+"""What zipfile and NumPy raise for bytes that are not a .npz file."""
 
 
 def save_policy(path: Path, policy: Policy) -> None:
-    """Writes a policy, whole or not at all.
+    """Writes a policy, completely or not at all.
 
     Raises:
         BadInput: a value that is not finite: such a policy would be refused when it is loaded.
@@ -42,7 +42,7 @@ def save_policy(path: Path, policy: Policy) -> None:
 
 
 def policy_bytes(policy: Policy) -> bytes:
-    """The file's bytes: the same policy, the same bytes.
+    """The file's bytes; the same policy gives the same bytes.
 
     Raises:
         BadInput: a value that is not finite.
@@ -86,7 +86,7 @@ def load_policy(path: Path) -> Policy:
 
 
 def policy_from_bytes(data: bytes, where: str) -> Policy:
-    """The same, of a file's bytes, as a recording holds them. `where` is what they are called in an error."""
+    """The policy in a file's bytes, such as those in a recording. `where` names them in errors."""
     return _policy_in(io.BytesIO(data), where)
 
 
@@ -113,22 +113,22 @@ def _read(file: IO[bytes]) -> dict[str, NDArray[Any]]:
         for member in members:
             name = member.filename.removesuffix(".npy")
             if name in arrays:
-                raise BadInput(f"array '{name}' is there twice")
+                raise BadInput(f"array '{name}' occurs twice")
             with archive.open(member) as file:
                 arrays[name] = _read_array(name, file, member.file_size)
         return arrays
 
 
 def _read_array(name: str, file: IO[bytes], size: int) -> NDArray[Any]:
-    """One .npy; its header must promise exactly the bytes that are there."""
+    """One .npy; its header must declare exactly the bytes that are there."""
     if npy.read_magic(file) != (1, 0):
-        raise BadInput(f"array '{name}' is of another .npy version than 1.0")
+        raise BadInput(f"array '{name}' has a .npy version other than 1.0")
     shape, fortran_order, dtype = npy.read_array_header_1_0(file)
     if dtype.kind not in "iufbU":
         raise BadInput(f"array '{name}' holds {dtype}, which is neither numbers nor text")
     promised, there = prod(shape) * dtype.itemsize, size - file.tell()
     if promised != there:
-        raise BadInput(f"array '{name}' promises {promised} bytes and has {there}")
+        raise BadInput(f"array '{name}' declares {promised} bytes and has {there}")
     array: NDArray[Any] = np.ndarray(shape, dtype, file.read(), order="F" if fortran_order else "C")
     return array.copy()
 
@@ -141,17 +141,17 @@ def _policy_from(arrays: dict[str, NDArray[Any]]) -> Policy:
         raise BadInput(f"format version {version}; supported: {FORMAT_VERSION}")
     kind = arrays.get("kind")
     if kind is None or kind.shape or kind.dtype.kind != "U":
-        raise BadInput("array 'kind' is missing or no text")
+        raise BadInput("array 'kind' is missing or not text")
     texts: list[tuple[str, ...]] = []
     for name in ("behaviors", "tree_hashes"):
         array = arrays.get(name)
         if array is None or array.ndim != 1 or array.dtype.kind != "U":
-            raise BadInput(f"array '{name}' is missing or no list of texts")
+            raise BadInput(f"array '{name}' is missing or not a list of texts")
         texts.append(tuple(array.tolist()))
     behaviors, tree_hashes = texts
     counts = arrays.get("leaf_counts")
     if counts is None or counts.dtype != np.int64 or counts.ndim != 1 or (counts < 1).any():
-        raise BadInput("array 'leaf_counts' is missing or no list of numbers above 0")
+        raise BadInput("array 'leaf_counts' is missing or not a list of numbers above 0")
     if not len(behaviors) == len(tree_hashes) == len(counts):
         raise BadInput(f"{len(behaviors)} behaviors, {len(tree_hashes)} tree hashes, {len(counts)} leaf counts")
     learned = {name.removeprefix(_PREFIX): array for name, array in arrays.items() if name.startswith(_PREFIX)}

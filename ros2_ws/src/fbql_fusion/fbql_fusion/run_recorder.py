@@ -1,4 +1,4 @@
-"""A run as the fusion node leaves it behind: the recording and the run directory around one session."""
+"""What the fusion node writes of a run: the recording and the run directory of one session."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ _CSV, _PYTHON = "text/csv", "text/x-python"
 
 
 class RunRecorder:
-    """Records every step of a session and writes its results. Whatever fails here never reaches control.
+    """Records every step of a session and writes its results. No failure here ever affects control.
 
     Args:
         resolve: a relative topic name -> the absolute one.
-        report: told once, in one line, about each thing that could not be kept.
+        report: called once, with one line, for each thing that could not be stored.
 
     Raises:
         BadInput: the run directory can't be made or used.
@@ -99,22 +99,22 @@ class RunRecorder:
         write(len(outputs) + 2, decision, stamp_ns)
 
     def episode_ended(self) -> None:
-        """Adds the row of the episode that just ended, and hands the recording so far to the operating system."""
+        """Adds the row of the episode that just ended, and passes the recording so far to the operating system."""
         self._directory.add_episode(self._session.records[-1])
         self.flush()
 
     def episode_restarted(self) -> None:
-        """Records that the episode under way begins again with the next step: its world was lost."""
+        """Records that the current episode restarts with the next step because its world was lost."""
         if self._recorder is not None:
             self._recorder.note(RESTART_RECORD, {})
 
     def flush(self) -> None:
-        """Hands what was recorded so far to the operating system."""
+        """Passes the recording so far to the operating system."""
         if self._recorder is not None:
             self._recorder.flush()
 
     def save_policy(self, path: Path | None) -> str:
-        """Saves what has been learned so far; gives the path.
+        """Saves what has been learned so far; returns the path.
 
         Raises:
             BadInput: nothing is learned, or a value is not finite.
@@ -150,7 +150,7 @@ class RunRecorder:
 
     @property
     def incomplete(self) -> bool:
-        """Whether something that should have been kept was not."""
+        """Whether something that should have been stored was not."""
         return self._directory.failed or (self._recorder is not None and self._recorder.failed)
 
     def exit_code(self) -> int:
@@ -169,12 +169,13 @@ def _directory(parameters: FusionNodeParameters, session: Session) -> Path:
     try:
         runs.mkdir(exist_ok=True)
     except OSError as error:
-        raise BadInput(f"{runs}: can't be made ({error.strerror}); set the parameter run_directory") from None
+        raise BadInput(f"{runs}: can't be created ({error.strerror}); set the parameter run_directory") from None
     return create_next_run_directory(runs, f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}")
 
 
 def _config(parameters: FusionNodeParameters, session: Session, launcher_file: str) -> dict[str, Any]:
-    """Every parameter in force. A launcher, which knows the other nodes' too, hands them on in its parameter file."""
+    """Every parameter in force. A launcher, which also knows the other nodes' parameters, passes them on in its
+    parameter file."""
     nodes: dict[str, Any] = {}
     if launcher_file:
         document = yaml.safe_load(Path(launcher_file).read_text())

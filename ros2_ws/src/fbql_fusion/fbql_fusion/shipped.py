@@ -1,4 +1,4 @@
-"""The policy that ships with this package."""
+"""The policy shipped with this package."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ from pathlib import Path
 
 
 def shipped_policy() -> Path:
-    """The policy of `fbql` for the shipped trees; the package's README says how it was trained."""
+    """The policy of `fbql` for the shipped trees; the package's README describes how it was trained."""
     return Path(__file__).parent / "policies" / "fbql.npz"

@@ -1,4 +1,4 @@
-"""How the match stands, as diagnostics: what the launcher's live line and ROS diagnostics tools show."""
+"""The state of the match as diagnostics, for the launcher's live line and ROS diagnostics tools."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Status:
         self._last = (monotonic(), 0)
 
     def publish_due(self, now_s: float, publisher: Publisher, node: Node) -> None:
-        """Publishes, when it is time to, and there is something to tell."""
+        """Publishes when it is due and there is something to report."""
         if now_s < self._due_s or self.decision is None:
             return
         self._due_s = now_s + _PERIOD_S

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import yaml
 
 INFINITE_NS = 2**63 - 1
-"""A duration without an end [ns], as DDS has it."""
+"""An infinite duration [ns], as DDS represents it."""
 
 
 class Qos(NamedTuple):
@@ -32,12 +32,12 @@ class BagTopic(NamedTuple):
     type_name: str
     type_hash: str
     qos_profiles: Sequence[Mapping[str, Any]]
-    """How it was offered, by each of its publishers."""
+    """The quality of service that each of its publishers offered."""
     messages: int
 
 
 def qos_of(profile: Any) -> Qos:
-    """The same as an rclpy QoSProfile. A duration of 0 is one that was not specified: infinite."""
+    """The same as an rclpy QoSProfile. A duration of 0 means unspecified, hence infinite."""
     return Qos(
         profile.history.name.lower(),
         int(profile.depth),
@@ -52,7 +52,7 @@ def qos_of(profile: Any) -> Qos:
 
 
 def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
-    """`offered_qos_profiles`: one profile."""
+    """`offered_qos_profiles` with one profile."""
     return [
         {
             "history": qos.history,
@@ -70,9 +70,10 @@ def qos_profiles(qos: Qos) -> list[dict[str, Any]]:
 
 @lru_cache
 def profiles_from_text(text: str) -> list[dict[str, Any]]:
-    """`offered_qos_profiles` as a recording has it, policies in words (Jazzy) or numbers (before); none where it is none.
+    """`offered_qos_profiles` as a recording has it, policies in words (Jazzy) or numbers (before); empty if it is not
+    one.
 
-    They have to stay the same in every other respect: readers find a topic of the file in metadata.yaml by them.
+    They must otherwise stay unchanged: readers match a topic of the file to metadata.yaml by them.
     """
     try:
         profiles = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)) or []
@@ -96,7 +97,7 @@ def bag_information(
         topics: every topic with its number of messages.
         start_ns: smallest log time [ns].
         end_ns: largest log time [ns].
-        custom_data: whatever belongs to the recording.
+        custom_data: about the recording.
         ros_distro: the distribution that recorded, "jazzy".
     """
     messages = sum(topic.messages for topic in topics)
@@ -137,7 +138,8 @@ def to_yaml(value: Any) -> str:
 
 
 class _NoAliases(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):
-    """rosbag2 reads anchors, people don't. In C, where PyYAML was built with it: ten times as fast."""
+    """No anchors: rosbag2 reads them, people don't. Written in C if PyYAML was built with it, which is ten times as
+    fast."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
@@ -149,11 +151,11 @@ _WORDS = {
     "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
     "liveliness": ("system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown", "best_available"),
 }
-"""The policies of a quality of service in the order of their numbers in rmw."""
+"""The policies of a quality of service, in the order of their numbers in rmw."""
 
 
 def _in_words(policy: str, value: Any) -> Any:
-    """A policy in words; what is none as it is. Raises IndexError."""
+    """A policy in words; anything else is returned unchanged. Raises IndexError."""
     return _WORDS[policy][value] if policy in _WORDS and isinstance(value, int) else value
 
 

@@ -1,7 +1,7 @@
-"""What a recording says about its message types: the ros2msg schema text and the type hash.
+"""A recording's description of its message types: the ros2msg schema text and the type hash.
 
-Those of the messages of a step are kept in messages.json, so that recordings can be written without ROS. After a change of
-a .msg file make it again, in a shell of the built workspace: `python -m fbql_recording.message_definitions`.
+Those of the messages of a step are kept in messages.json, so that recordings can be written without ROS. After a
+change to a .msg file regenerate it, in a shell of the built workspace: `python -m fbql_recording.message_definitions`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FindShare = Callable[[str], Path]
 
 
 class MessageDefinition(NamedTuple):
-    """What a recording says about one message type."""
+    """A recording's description of one message type."""
 
     type_name: str
     """pkg/msg/Name"""
@@ -36,7 +36,7 @@ class MessageDefinition(NamedTuple):
 
     @property
     def codec(self) -> MessageCodec[Any]:
-        """What makes bytes of the domain type, the same as a node publishes, and the domain type of bytes."""
+        """Encodes the domain type as the bytes that a node publishes, and decodes them."""
         return MessageCodec(self.type_name, self.schema_text)
 
 
@@ -48,7 +48,7 @@ def step_messages() -> dict[type[Any], MessageDefinition]:
 
 
 def definitions_in(find_share: FindShare) -> dict[str, dict[str, str]]:
-    """What messages.json should hold, by the definitions that are installed. Raises BadInput."""
+    """The content that messages.json should have, from the installed definitions. Raises BadInput."""
     return {
         name: {"schema_text": schema_text(name, find_share), "type_hash": type_hash(name, find_share)} for name in TYPES
     }
@@ -100,7 +100,7 @@ def type_hash(type_name: str, find_share: FindShare) -> str:
 
 
 def essence(schema: str) -> set[str]:
-    """The definitions in a schema without comments and spaces; in which order they follow does not matter."""
+    """The definitions in a schema without comments and spaces, regardless of their order."""
     lines = (" ".join(line.split("#", 1)[0].split()) for line in schema.splitlines())
     return set("\n".join(line for line in lines if line).split(_SEPARATOR))
 

@@ -1,4 +1,4 @@
-"""The recording of a run: a directory that `ros2 bag` accepts, written while the run goes on.
+"""The recording of a run: a directory that `ros2 bag` accepts, written while the run is in progress.
 
 <directory>/<directory's name>_0.mcap.active while it is written, .mcap when it is finished, then metadata.yaml.
 """
@@ -19,7 +19,7 @@ from fbql_recording.bag_metadata import BagTopic, Qos, bag_information, qos_prof
 from fbql_recording.mcap.writer import McapWriter, WriterChannel
 
 CHUNK_BYTES = 256 * 1024
-"""Uncompressed size of a chunk: what a crash loses, unless `flush` is called more often."""
+"""Uncompressed size of a chunk: the amount that a crash loses, unless `flush` is called more often."""
 
 
 class Channel(NamedTuple):
@@ -52,10 +52,10 @@ def finish_bag(
     topics: Sequence[BagTopic],
     custom_data: Mapping[str, str],
 ) -> None:
-    """Finishes a file and makes its directory a bag: the file whole and under its name, then metadata.yaml.
+    """Finishes a file and makes its directory a bag: the file completed and renamed, then metadata.yaml.
 
     Args:
-        writer: everything is written to it but its end.
+        writer: everything but the end of the file is written.
         fd: the file that it writes to.
         active_path: the file's name until now.
         path: its name from now on.
@@ -81,16 +81,16 @@ def finish_bag(
 
 
 class Recorder:
-    """Records serialized messages. A disk that fails stops the recording, once and for all, and nothing else.
+    """Records serialized messages. A disk failure stops the recording for good, and nothing else.
 
-    After the first OSError it has `failed`: what is complete on disk stays, cut to its last whole record, as
-    .mcap.active; everything that follows is ignored. Not for use by two threads at once.
+    After the first OSError it has `failed`: the data on disk stays, cut to its last complete record, as .mcap.active;
+    everything that follows is ignored. Not for use by two threads at once.
 
     Args:
         directory: an existing directory without a recording.
         channels: the topics; a channel's index here is its index in `write`.
-        custom_data: about the run (seed, parameters, revision); in the file from its first byte on.
-        attachments: files of the run (trees, policy, configuration); in the file from its first byte on.
+        custom_data: about the run (seed, parameters, revision); in the file from the start.
+        attachments: files of the run (trees, policy, configuration); in the file from the start.
         report: called once, with one line, when the recording fails.
 
     Raises:
@@ -152,7 +152,7 @@ class Recorder:
 
     @property
     def messages(self) -> int:
-        """Messages recorded; after a failure those that are on disk."""
+        """Number of recorded messages; after a failure, of those on disk."""
         return sum(self._writer.counts) + (0 if self.failed else self._writer.waiting)
 
     def write(self, channel: int, data: bytes, log_time_ns: int) -> None:
@@ -164,7 +164,7 @@ class Recorder:
             log_time_ns: time of the message [ns], 0 .. 2^64 - 1; it is the publish time too.
 
         Raises:
-            ValueError: log_time_ns is no such time.
+            ValueError: log_time_ns is out of that range.
         """
         if self._closed or self.failed:
             return
@@ -176,7 +176,7 @@ class Recorder:
             self._fail(error)
 
     def note(self, name: str, values: Mapping[str, str]) -> None:
-        """Records, between the messages before and after it, something that no message tells: a Metadata record."""
+        """Records a Metadata record at this place between the messages, for information that no message holds."""
         if self._closed or self.failed:
             return
         try:
@@ -185,7 +185,7 @@ class Recorder:
             self._fail(error)
 
     def flush(self) -> None:
-        """Hands everything to the operating system: a process that is killed now loses nothing."""
+        """Passes everything to the operating system: a process killed now loses nothing."""
         if self._closed or self.failed:
             return
         try:
@@ -194,7 +194,7 @@ class Recorder:
             self._fail(error)
 
     def close(self, attachments: Sequence[Attachment] = ()) -> None:
-        """Finishes the recording: the file whole and under its name, then metadata.yaml. Further calls do nothing.
+        """Finishes the recording: the file completed and renamed, then metadata.yaml. Further calls do nothing.
 
         Args:
             attachments: files that only exist at the end (learned policy, summary).
@@ -235,4 +235,4 @@ class Recorder:
         # Where even that fails a torn record stays at the end, which is what recovery is made for.
         with suppress(OSError):
             os.ftruncate(self._fd, self._size)
-        self._report(f"recording FAILED, the run goes on without it: {self.path.parent}: {error.strerror}")
+        self._report(f"recording FAILED, the run continues without it: {self.path.parent}: {error.strerror}")

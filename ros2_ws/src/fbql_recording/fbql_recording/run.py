@@ -36,12 +36,12 @@ _COMMAND, _DECISION = "fbql_msgs/msg/WheelCommand", "fbql_msgs/msg/FusionDecisio
 def open_run(path: Path | str, *, skip_corrupt: bool = False, namespace: str | None = None) -> Run:
     """Opens a recording: a run directory, any directory that `ros2 bag` accepts, or one MCAP file alone.
 
-    Nothing is kept in memory but what describes the run: every iteration reads the file anew.
+    Only the description of the run is kept in memory: every iteration reads the file again.
 
     Args:
         path: the directory or file.
-        skip_corrupt: whether damage is left out and counted (`Run.warnings`) instead of raised.
-        namespace: of the graph that is wanted, where several were recorded together; "/" is none.
+        skip_corrupt: whether damaged parts are left out and counted (`Run.warnings`) instead of raising an exception.
+        namespace: that of the wanted graph, if several were recorded together; "/" is none.
 
     Raises:
         BadInput: there is nothing to read: one line with the file and the reason. `Corrupt`, which is one, is raised
@@ -118,21 +118,21 @@ class Run:
         except ValueError as error:
             raise BadInput(f"{self.directory}/summary.json: not JSON ({error})") from None
         if not isinstance(found, dict):
-            raise BadInput(f"{self.directory}/summary.json: no JSON object")
+            raise BadInput(f"{self.directory}/summary.json: not a JSON object")
         return found
 
     # What is wrong with it
 
     @property
     def is_complete(self) -> bool:
-        """Whether everything that was recorded is there. What reading finds later counts from then on."""
+        """Whether everything that was recorded is there. Damage found later, while reading, counts from then on."""
         return not any(mcap.damage.any for mcap in self._mcaps) and not self._left_out and not self._lost_before()
 
     @property
     def warnings(self) -> list[str]:
-        """What is wrong with the recording, a line each, with counts; more may come while it is read."""
+        """Problems of the recording, one line each, with counts; more may be added while it is read."""
         lines = list(self._warnings)
-        lines += [f"{self.path}: recovered; lost is {what}" for what in self._lost_before()]
+        lines += [f"{self.path}: recovered; lost: {what}" for what in self._lost_before()]
         for mcap in self._mcaps:
             damage = mcap.damage
             if damage.cut_off_at is not None:
@@ -216,7 +216,7 @@ class Run:
         """The episodes. Raises Corrupt.
 
         Args:
-            steps: those of `steps()`, from whoever reads them anyway; they are read here unless given.
+            steps: those of `steps()`, if the caller has them; otherwise they are read here.
         """
         episodes = list(episodes_of(self.steps() if steps is None else steps))
         seeds = self._seeds()
@@ -225,7 +225,8 @@ class Run:
         return episodes
 
     def arrays(self) -> Columns:
-        """The steps as NumPy arrays, a row a step: `fbql_recording.core.columns.block_of` says which. Raises Corrupt."""
+        """The steps as NumPy arrays, one row per step; `fbql_recording.core.columns.block_of` lists them. Raises
+        Corrupt."""
         return columns_of(self.steps(), self.recorded)
 
     @property
@@ -236,11 +237,11 @@ class Run:
 
     @property
     def repeated(self) -> int:
-        """Messages that were left out when `steps` was last read to its end: a second one of a kind for a step."""
+        """Number of messages left out when `steps` was last read to its end: duplicates of a kind within a step."""
         return self._repeated
 
     def codec(self, type_name: str) -> MessageCodec[Any] | None:
-        """What decodes a message type by the recorded schema; None where no topic has that type."""
+        """The codec of a message type by the recorded schema; None if no topic has that type."""
         return self._places.codecs.get(type_name)
 
     def _decoded(self, codec: MessageCodec[Any] | None, data: bytes) -> Any:
@@ -266,15 +267,15 @@ class Run:
         self._left_out[what] = self._left_out.get(what, 0) + 1
 
     def _lost_before(self) -> list[str]:
-        """What was lost before the recording was recovered, in words; nothing for one that never was damaged."""
+        """What was lost before the recording was recovered, in words; empty for one that was never damaged."""
         records = [values for mcap in self._mcaps for name, values in mcap.metadata.values() if name == RECOVERY_RECORD]
         return [values.get(LOST, "something") for values in records if values.get(COMPLETE) != "true"]
 
     # What describes it
 
     def _behaviors(self) -> tuple[str, ...]:
-        """As the parameters say, which a CRC covers; else as the recording does; else as its first decision does; else
-        the topics in their order."""
+        """The behaviors by the parameters, which a CRC covers; else by the recording's description; else by its first
+        decision; else by the topics in their order."""
         there = tuple(self._places.behaviors)
         told = self.parameters.get("fusion", {}).get("behaviors")
         if isinstance(told, list) and told and all(isinstance(name, str) for name in told):
@@ -339,7 +340,7 @@ class _Places:
                     raise BadInput(f"{where}: {topic.name}: {error}") from None
 
     def of(self, behaviors: tuple[str, ...]) -> dict[str, tuple[int, MessageCodec[Any]]]:
-        """By topic: the index in `StepData.data`, and what decodes it."""
+        """By topic: the index in `StepData.data`, and its codec."""
         after = len(behaviors) + 1
         places = {self.behaviors[name]: index for index, name in enumerate(behaviors, 1) if name in self.behaviors}
         for type_name, place in ((_WORLD, 0), (_COMMAND, after), (_DECISION, after + 1)):

@@ -1,9 +1,9 @@
-"""The run directory: everything a run leaves behind, in one place that is never overwritten.
+"""The run directory: everything that a run writes, in one place that is never overwritten.
 
 config.yaml    every parameter in force, versions, git revision
-episodes.csv   one row an episode, written as it ends
+episodes.csv   one row per episode, written as it ends
 summary.json   the result
-policy.npz     what was learned, where something was
+policy.npz     the learned policy, if there is one
 trees/         copies of the tree files
 log/           logs of the processes
 metadata.yaml, <name>_0.mcap   the recording (recording.py)
@@ -32,7 +32,7 @@ from fbql_recording.core.metrics import EpisodeRecord, Summary
 
 EPISODE_COLUMNS = ("index", "phase", "seed", "outcome", "steps", "collisions_begun", "collision_steps", "return")
 ROOM_BYTES = 64 * 1024
-"""Kept free for the summary, so that even on a full disk a run can say that it is incomplete."""
+"""Kept free for the summary, so that even on a full disk a run can be marked as incomplete."""
 _PACKAGES = ("numpy", "pymunk", "mcap", "ros-jazzy-rclpy")
 
 
@@ -54,13 +54,13 @@ def create_run_directory(path: Path) -> None:
     except OSError as error:
         for directory in reversed(made):
             directory.rmdir()
-        raise BadInput(f"{path}: can't make the run directory ({error.strerror}); choose another place") from None
+        raise BadInput(f"{path}: can't create the run directory ({error.strerror}); choose another place") from None
 
 
 def create_next_run_directory(runs: Path, name: str) -> Path:
-    """Makes runs/NAME or, where that is there already, the first of NAME-1, NAME-2 ... that is not; gives its path.
+    """Creates runs/NAME or, if that exists, the first of NAME-1, NAME-2 ... that does not; returns its path.
 
-    Several processes may do so at the same time: each gets one of its own.
+    Several processes may do so at the same time: each gets its own.
 
     Raises:
         BadInput: nothing can be written there.
@@ -77,7 +77,7 @@ def create_next_run_directory(runs: Path, name: str) -> Path:
 
 
 class RunDirectory:
-    """Writes a run's files. A disk that fails is reported once; the run goes on, incomplete.
+    """Writes a run's files. A disk failure is reported once; the run continues, incomplete.
 
     Args:
         path: made by `create_run_directory` (or by hand), and not yet used by a run.
@@ -94,13 +94,13 @@ class RunDirectory:
     ) -> None:
         self.path = path
         self.failed = False
-        """Whether something could not be written: the run is incomplete."""
+        """Whether something could not be written, so that the run is incomplete."""
         self._report = report
         self._size = 0
         if not path.is_dir():
             raise BadInput(f"{path}: no such run directory; make it with create_run_directory")
         if (path / "config.yaml").exists():
-            raise BadInput(f"{path} holds a run already; a run is never overwritten, choose another directory")
+            raise BadInput(f"{path} already holds a run; a run is never overwritten, choose another directory")
         try:
             (path / "trees").mkdir(exist_ok=True)
             for tree_file in tree_files:
@@ -115,7 +115,7 @@ class RunDirectory:
             raise BadInput(f"{where}: can't begin the run ({error.strerror}); choose another place") from None
 
     def add_episode(self, record: EpisodeRecord) -> None:
-        """Adds a row to episodes.csv and hands it to the operating system."""
+        """Adds a row to episodes.csv and passes it to the operating system."""
         values = (
             record.index,
             record.phase.name.lower(),
@@ -130,11 +130,11 @@ class RunDirectory:
             self._guarded("episodes.csv", lambda: self._append(",".join(map(str, values)) + "\n"))
 
     def write_policy(self, content: Callable[[], bytes]) -> None:
-        """Writes policy.npz, whole or not at all. Content that raises BadInput is not written, and reported."""
+        """Writes policy.npz, completely or not at all. Content that raises BadInput is reported and not written."""
         self._guarded("policy.npz", lambda: write_atomically(self.path / "policy.npz", content()))
 
     def write_summary(self, summary: Summary) -> None:
-        """Writes summary.json, whole or not at all; `incomplete` is set where anything failed here before."""
+        """Writes summary.json, completely or not at all; `incomplete` is set if any write failed before."""
         values = summary._asdict()
         values["incomplete"] = summary.incomplete or self.failed
         data = (json.dumps(values, indent=2, allow_nan=False) + "\n").encode()
@@ -168,12 +168,12 @@ class RunDirectory:
         except (OSError, BadInput) as error:
             reason = error.strerror if isinstance(error, OSError) else str(error)
             if not self.failed:
-                self._report(f"{self.path / name} could not be written, the run goes on incomplete: {reason}")
+                self._report(f"{self.path / name} could not be written, the run continues, incomplete: {reason}")
             self.failed = True
 
 
 def software_versions() -> dict[str, str]:
-    """Versions of Python and of what the numbers depend on; packages that are not installed are left out."""
+    """Versions of Python and of the packages that results depend on; packages that are not installed are left out."""
     versions = {"python": platform.python_version()}
     for package in _PACKAGES:
         with suppress(importlib.metadata.PackageNotFoundError):
@@ -203,7 +203,7 @@ def own_revision() -> str:
 
 
 def custom_data(config: Mapping[str, Any]) -> dict[str, str]:
-    """What a recording says about its run, from the run's configuration."""
+    """A recording's description of its run, from the run's configuration."""
     fusion = config["parameters"]["fusion"]
     return {
         "controller": str(fusion["controller"]),

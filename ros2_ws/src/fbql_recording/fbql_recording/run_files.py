@@ -1,6 +1,6 @@
 """Where a recording's files are: a run directory, any directory that `ros2 bag` accepts, or one MCAP file alone.
 
-Nothing outside of the directory is ever read, whatever its metadata.yaml or a symbolic link in it says.
+Nothing outside of the directory is ever read, not even if its metadata.yaml or a symbolic link in it points there.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import yaml
 from fbql_common.core.errors import BadInput
 
 MAX_TEXT_BYTES = 16 * 2**20
-"""Largest metadata.yaml, config.yaml or the like that is read."""
+"""Largest metadata.yaml, config.yaml or similar file that is read."""
 
 
 @dataclass
@@ -86,7 +86,7 @@ def mapping_from_yaml(data: bytes, where: str) -> dict[str, Any]:
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
         raise BadInput(f"{where}: not YAML ({str(error).partition(chr(10))[0]})") from None
     if not isinstance(found, dict):
-        raise BadInput(f"{where}: no mapping of names to values")
+        raise BadInput(f"{where}: not a mapping of names to values")
     return found
 
 
@@ -97,7 +97,7 @@ def _in_directory(directory: Path) -> RunFiles:
     where = str(directory / "metadata.yaml")
     information = mapping_from_yaml(data, where).get("rosbag2_bagfile_information")
     if not isinstance(information, dict):
-        raise BadInput(f"{where}: no metadata of a bag (rosbag2_bagfile_information is missing)")
+        raise BadInput(f"{where}: not the metadata of a bag (rosbag2_bagfile_information is missing)")
     storage = information.get("storage_identifier")
     if storage != "mcap":
         raise BadInput(f"{where}: a bag of '{storage}', only mcap is read; convert it with `ros2 bag convert`")

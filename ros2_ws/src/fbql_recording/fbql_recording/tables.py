@@ -1,7 +1,7 @@
 """A run's steps and episodes as tables: pandas DataFrames, CSV and Parquet. Files are written block by block.
 
 Columns are those of `core.columns`, flat: "weights" becomes "weights.NAME" for each behavior's name, and an observation
-has the names of its tree's features. pandas and pyarrow are optional, and needed for DataFrames and for Parquet alone.
+has the names of its tree's features. pandas and pyarrow are optional, and needed only for DataFrames and Parquet.
 """
 
 from __future__ import annotations
@@ -29,24 +29,25 @@ FORMATS = (".csv", ".parquet")
 
 
 def steps_frame(run: Run) -> Any:
-    """The steps as a pandas DataFrame, a row a step. Raises BadInput without pandas, `Corrupt`."""
+    """The steps as a pandas DataFrame, one row per step. Raises BadInput without pandas, `Corrupt`."""
     pandas = _optional("pandas")
     columns = flat(run.arrays(), run.behaviors)
     return pandas.DataFrame(_named(columns, _features(run)))
 
 
 def episodes_frame(run: Run) -> Any:
-    """The episodes as a pandas DataFrame; what the recording does not tell is <NA>. Raises BadInput, `Corrupt`."""
+    """The episodes as a pandas DataFrame; values that the recording does not contain are <NA>. Raises BadInput,
+    `Corrupt`."""
     return _optional("pandas").DataFrame(_episode_columns(run.episodes())).convert_dtypes()
 
 
 def write_steps(run: Run, *paths: Path, progress: Callable[[int], None] = lambda _: None) -> int:
-    """Writes the steps as tables, by each file's name as CSV or Parquet, and reads them once; gives their number.
+    """Writes the steps as tables, CSV or Parquet by each file's name, and reads them once; returns their number.
 
-    In a CSV a float has as many digits as it takes to read the same one back; NaN, which is "n/a", is an empty field.
+    In a CSV a float has enough digits to be read back exactly; NaN, which is "n/a", is an empty field.
 
     Args:
-        progress: told how many steps are written, now and then; what it raises ends the writing.
+        progress: called now and then with the number of steps written; an exception from it ends the writing.
 
     Raises:
         BadInput: another kind of file, it can't be written, or Parquet without pyarrow; `Corrupt`.
@@ -63,10 +64,10 @@ def write_steps(run: Run, *paths: Path, progress: Callable[[int], None] = lambda
 
 
 def write_episodes(run: Run, *paths: Path, episodes: Sequence[Episode] | None = None) -> int:
-    """Writes the episodes as tables, like `write_steps`; gives their number.
+    """Writes the episodes as tables, like `write_steps`; returns their number.
 
     Args:
-        episodes: those of `run.episodes()`, from whoever has them already.
+        episodes: those of `run.episodes()`, if the caller has them already.
     """
     columns = _episode_columns(run.episodes() if episodes is None else episodes)
     with _writers(paths) as write:
@@ -75,7 +76,7 @@ def write_episodes(run: Run, *paths: Path, episodes: Sequence[Episode] | None = 
 
 
 def _blocks(run: Run) -> Iterator[Columns]:
-    """The columns block by block; each has all columns, also where a behavior did not answer in all of it."""
+    """The columns block by block; each has all columns, even if a behavior never answered in it."""
     steps = run.steps()
     first: list[Step] = []
     widths = [0] * len(run.behaviors)

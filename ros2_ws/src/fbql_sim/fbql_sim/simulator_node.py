@@ -54,11 +54,11 @@ class SimulatorNodeParameters:
         high=10.0,
     )
     request_period_s: float = parameter(
-        0.25, "a world state without answer is published again after this", unit="s", low=0.02, high=10.0
+        0.25, "an unanswered world state is published again after this", unit="s", low=0.02, high=10.0
     )
     lockstep_timeout_s: float = parameter(
         0.0,
-        "lockstep: an episode under way without a command for this long ends the run; 0: waits for ever",
+        "lockstep: an episode under way without a command for this long ends the run; 0: waits forever",
         unit="s",
         low=0.0,
         high=3600.0,
@@ -118,7 +118,9 @@ class SimulatorNode(GraphNode):
             elif not world.ended:
                 self._step(command.left_rad_s, command.right_rad_s)
         elif command.stamp_ns > world.stamp_ns:
-            self._input.drop(f"a command for episode {command.episode}, step {command.step}, which is not there yet")
+            self._input.drop(
+                f"a command for episode {command.episode}, step {command.step}, which has not been reached yet"
+            )
         # An older command answers a world state that was published twice: ignore it.
 
     def _keep(self, command: WheelCommand) -> None:

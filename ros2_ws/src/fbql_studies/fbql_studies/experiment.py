@@ -27,7 +27,7 @@ _RUNNER_OPTIONS = ("study", "jobs", "out", "scheduler", "json")
 
 
 def run(options: Any, interrupts: Interrupts) -> int:
-    """Runs the tasks that are not done yet, and reports the whole study. Returns 0, or 1 where a task failed."""
+    """Runs the remaining tasks, and reports the whole study. Returns 0, or 1 if a task failed."""
     if options.jobs < 1:
         raise BadInput(f"--jobs is {options.jobs}; it must be 1 or more")
     study = study_of(options.study)
@@ -85,7 +85,7 @@ def parser(program: str) -> Parser:
             metavar="DIR",
             help=f"directory of the results (runs/study-{name}); one with fewer seeds or trees is extended",
         )
-        own.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+        own.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
     return result
 
 
@@ -93,7 +93,7 @@ def _run(options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Int
     waiting = [task for task in tasks if store.result_of(task.key) is None]
     done = len(tasks) - len(waiting)
     if done:
-        print(f"{done} of {len(tasks)} tasks are done already", file=sys.stderr)
+        print(f"{done} of {len(tasks)} tasks are already done", file=sys.stderr)
     if not waiting:
         return
     revision = own_revision()

@@ -7,7 +7,7 @@ from math import log
 import numpy as np
 import pytest
 from equation_oracles import gradient, literal_softmax, preference_lists
-from fbql_fusion.core.learners.linear import add_shared, grown, log_weight_gradient, row_sum
+from fbql_fusion.core.learners.linear import add_shared, grow_table, log_weight_gradient, row_sum
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -115,5 +115,5 @@ def test_without_features_there_is_nothing_to_assign() -> None:
 
 def test_a_table_that_is_too_short_doubles_and_keeps_its_rows() -> None:
     table = np.arange(6.0).reshape(3, 2)
-    assert grown(table, 3) is table
-    assert grown(table, 4).tolist() == [*table.tolist(), [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]
+    assert grow_table(table, 3) is table
+    assert grow_table(table, 4).tolist() == [*table.tolist(), [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]

@@ -264,8 +264,8 @@ def test_a_policy_of_another_mirror_is_refused(learner: str, mirror: bool) -> No
 @pytest.mark.parametrize(
     ("changes", "given_", "reason"),
     [
-        ({"kind": "fbql_literal"}, {}, "of controller 'fbql_literal'"),
-        ({}, {"controller": "fbql_literal"}, "of controller '{learner}'"),
+        ({"kind": "fbql_literal"}, {}, "to controller 'fbql_literal'"),
+        ({}, {"controller": "fbql_literal"}, "to controller '{learner}'"),
         ({}, {"controller": "uniform"}, "takes no policy"),
         ({"behaviors": ("down", "up")}, {}, "in this order"),
         ({}, {"behaviors": ["up", "down", "third"]}, "the behaviors here are up, down, third"),
@@ -281,7 +281,7 @@ def test_a_policy_of_another_controller_or_other_behaviors_is_refused(
 def test_neither_learner_takes_a_policy_of_the_other() -> None:
     """Not even where its features fit."""
     for own, other in (LEARNERS, LEARNERS[::-1]):
-        with pytest.raises(BadInput, match=f"of controller '{other}', not of '{own}'"):
+        with pytest.raises(BadInput, match=f"to controller '{other}', not of '{own}'"):
             Session(parameters(own), good(other))
         session = Session(parameters(other, seed=1, fbql_world_tilings=0))
         play(session, 39)

@@ -31,7 +31,7 @@ GROUP = "fbql.commands"
 
 
 class Command(NamedTuple):
-    """A command that ships."""
+    """A built-in command."""
 
     summary: str
     handles_signals: bool = True
@@ -47,11 +47,11 @@ COMMANDS = {
     "induce": Command("make a decision tree from demonstrations", handles_signals=False),
     "tree": Command("explain, export, check or import a tree file", handles_signals=False),
     "tune": Command("tune the leaves of a tree by Q-learning", handles_signals=False),
-    "make_trees": Command("make the shipped trees again, from their seeds", handles_signals=False),
-    "replay": Command("play a recording again, verify it, or ask what if"),
+    "make_trees": Command("regenerate the shipped trees from their seeds", handles_signals=False),
+    "replay": Command("replay a recording, verify it, or answer what-if questions"),
     "recover": Command("repair a damaged recording"),
     "report": Command("write a page that explains a recording step by step"),
-    "compare": Command("put recordings side by side"),
+    "compare": Command("compare recordings side by side"),
 }
 
 
@@ -81,7 +81,7 @@ def run(name: str, argv: Sequence[str], program: str = "") -> int:
     """Runs a command. Returns the exit code.
 
     Args:
-        program: what it calls itself; "fbql NAME" unless given.
+        program: the name it uses for itself; "fbql NAME" unless given.
     """
     program = program or f"fbql {name}"
     set_program(program)
@@ -112,7 +112,7 @@ def run(name: str, argv: Sequence[str], program: str = "") -> int:
 
 
 def names() -> list[str]:
-    """Every command, those of other packages too."""
+    """Every command, including those of other packages."""
     return list(dict.fromkeys((*COMMANDS, *(each.name for each in entry_points(group=GROUP)))))
 
 

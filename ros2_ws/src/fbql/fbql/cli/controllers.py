@@ -1,4 +1,4 @@
-"""The option --controller of the commands: a controller of this package, an installed one, or one of the user's own."""
+"""The option --controller of the commands: a controller of this package, an installed one, or a user's file."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ from fbql_fusion.core.parameters import CONTROLLERS
 
 
 def add_controller_option(parser: argparse._ActionsContainer, help_text: str) -> None:
-    """Adds --controller NAME, whose value is for `fbql_fusion.controller_loading.know_controller`."""
+    """Adds --controller NAME, whose value is for `fbql_fusion.controller_loading.resolve_controller`."""
     names = ", ".join([*CONTROLLERS, *sorted(installed())])
-    parser.add_argument("--controller", metavar="NAME", help=f"{help_text}: {names}; or FILE.py:NAME, one of your own")
+    parser.add_argument("--controller", metavar="NAME", help=f"{help_text}: {names}; or FILE.py:NAME for your own")

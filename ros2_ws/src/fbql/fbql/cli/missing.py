@@ -20,7 +20,7 @@ EXTRAS = {
     "stable_baselines3": "peers",
     "foxglove": "foxglove",
 }
-"""Package -> the extra of the distribution `fbql` that brings it."""
+"""Package -> the extra of the distribution `fbql` that installs it."""
 
 
 def what_is_missing(module: str) -> str | None:

@@ -16,12 +16,12 @@ def add_observation_option(parser: argparse._ActionsContainer) -> None:
         action="append",
         default=[],
         metavar="FILE.py:NAME",
-        help="what a behavior of your own senses: the Observation of this name in a Python file; NAME is the behavior's name",
+        help="what your own behavior senses: the Observation of this name in a Python file; NAME is the behavior's name",
     )
 
 
-def know_observations(sources: Sequence[str], behaviors: Sequence[str] = ()) -> dict[str, str]:
-    """Registers the observations of these files, and those of these behaviors that installed packages bring.
+def register_observations(sources: Sequence[str], behaviors: Sequence[str] = ()) -> dict[str, str]:
+    """Registers the observations of these files, and those that installed packages provide for these behaviors.
 
     Returns the file (FILE.py:NAME, absolute) of each behavior that came from one. Raises BadInput.
     """

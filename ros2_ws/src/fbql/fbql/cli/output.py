@@ -54,9 +54,9 @@ def print_result(text: str) -> None:
 
 
 class LiveLine:
-    """One line on a terminal that shows how far something is; elsewhere nothing, or a line now and then.
+    """One line on a terminal that shows the progress of something; elsewhere nothing, or a line now and then.
 
-    A terminal that is gone, or a pipe that nobody reads any more, ends the showing and nothing else.
+    A terminal that is gone, or a pipe that nobody reads any more, ends the display and nothing else.
 
     Args:
         stream: stderr unless given.
@@ -71,13 +71,13 @@ class LiveLine:
         self._keep = keep
         self._shown_s = float("-inf") if self._is_terminal else monotonic()
         self._line = ""
-        """What is on the terminal and not ended by a newline."""
+        """The text on the terminal that no newline has ended yet."""
 
     def show(self, text: str | Callable[[int | None], str]) -> None:
         """Shows a state in place of the last one, at most ten times a second.
 
         Args:
-            text: the state, or what makes it for a number of columns; None: any number.
+            text: the state, or a function that returns it for a number of columns; None: any number.
         """
         now = monotonic()
         if self._period_s is None or now - self._shown_s < self._period_s:
@@ -92,17 +92,17 @@ class LiveLine:
         self._line = line
 
     def say(self, text: str) -> None:
-        """Prints a line of its own."""
+        """Prints a separate line."""
         self.close()
         say(text)
 
     def complain(self, text: object) -> None:
-        """Prints what is wrong in a line of its own."""
+        """Prints what is wrong in a separate line."""
         self.close()
         complain(text)
 
     def close(self) -> None:
-        """Erases the live line, or leaves it standing and goes below it."""
+        """Erases the live line, or keeps it and moves to the next line."""
         if self._line:
             _write(self._stream, "\n" if self._keep else f"\r{' ' * len(self._line)}\r")
             self._line = ""
@@ -125,7 +125,7 @@ class Unwritable(Exception):
 
 @contextmanager
 def writing(path: Path | str) -> Generator[None]:
-    """Where an output is written: an OSError inside becomes Unwritable."""
+    """A context in which an output is written: an OSError inside becomes Unwritable."""
     try:
         yield
     except OSError as error:
@@ -141,7 +141,7 @@ def _write(stream: TextIO, text: str) -> None:
 
 
 def _silence(stream: TextIO) -> None:
-    """What is still buffered must not fail once more when Python ends: that would change the exit code."""
+    """Buffered output must not fail once more when Python exits: that would change the exit code."""
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, stream.fileno())
     os.close(null)

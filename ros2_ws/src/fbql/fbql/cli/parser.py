@@ -30,13 +30,13 @@ class Help(argparse.ArgumentDefaultsHelpFormatter):
 
 def add_json_option(parser: argparse._ActionsContainer) -> None:
     """Adds --json."""
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    parser.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
 
 
 def add_recording_options(parser: argparse._ActionsContainer) -> None:
     """Adds --allow-incomplete and --skip-corrupt, for recordings that were cut off or damaged."""
     parser.add_argument(
-        "--allow-incomplete", action="store_true", help="exit with 0, not 3, where a recording is incomplete"
+        "--allow-incomplete", action="store_true", help="exit with 0 instead of 3 if a recording is incomplete"
     )
     parser.add_argument("--skip-corrupt", action="store_true", help="skip damaged chunks instead of stopping there")
 
@@ -51,7 +51,7 @@ def add_parameter_options(
     """Adds an option for each parameter of a declaration (see `fbql_common.core.parameters`); without one it is None.
 
     Args:
-        extra: by parameter, one more choice and what is added to the help.
+        extra: by parameter, one more choice and the text that is added to the help.
     """
     group = parser.add_argument_group(title, description)
     kinds = types_of(declaration)

@@ -19,7 +19,7 @@ def type_commands_as(form: str) -> None:
     _form = form
 
 
-def typed(name: str) -> str:
+def command_text(name: str) -> str:
     """How a user types a command here."""
     return _form.format(name)
 

@@ -14,7 +14,7 @@ def percent(share: float) -> str:
 
 
 def share_text(share: float, digits: int) -> str:
-    """A share of 1 with so many digits behind the point; 0 and 1 only where it is exactly that."""
+    """A share of 1 with this many decimals; 0 and 1 only where it is exactly that."""
     least = 10.0**-digits
     inner = share if share in (0.0, 1.0) else min(max(share, least), 1.0 - least)
     return f"{inner:.{digits}f}"

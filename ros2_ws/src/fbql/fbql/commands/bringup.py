@@ -18,12 +18,12 @@ from fbql.cli.exit_codes import FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupted, Interrupts
 from fbql.cli.output import LiveLine, print_result
 from fbql.cli.parser import Parser
-from fbql.cli.places import typed
+from fbql.cli.places import command_text
 from fbql.graph.domains import domain_from
 from fbql.graph.launch import Mode
 from fbql.graph.supervision import BEFORE_THE_MATCH, Supervision
 from fbql.match.in_process import rehearse
-from fbql.match.options import Match, make_run_directory, match_from, match_parser, policy_told, same_options
+from fbql.match.options import Match, make_run_directory, match_from, match_parser, policy_summary, same_options
 from fbql.match.result import next_steps, summary_text
 
 START_TIMEOUT_S = 30.0
@@ -63,7 +63,7 @@ def parser(program: str) -> Parser:
         type=float,
         default=START_TIMEOUT_S,
         metavar="S",
-        help="seconds that the nodes may take to come up",
+        help="seconds to wait for the nodes to start",
     )
     return result
 
@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrupts) -> tuple[Match, Supervision]:
-    """Refuses all that can be refused, before there is a process or a directory."""
+    """Refuses everything that can be refused before there is a process or a directory."""
     for name, low, high in (("realtime", 0, 100), ("start_timeout", 0.1, 3600)):
         value = getattr(arguments, name)
         if not low <= value <= high:
@@ -111,13 +111,13 @@ def _report(match: Match, code: int, as_json: bool, line: LiveLine, interrupts: 
         cause = f"ended by {interrupts.name} before there was a result" if interrupts.came else "there is no summary"
         line.complain(f"{cause}; see {run / 'log'}")
         if recorded := next(run.glob("*.mcap.active"), None):
-            command = f"{typed('recover')} {shlex.quote(str(run))}"
+            command = f"{command_text('recover')} {shlex.quote(str(run))}"
             line.complain(f"{recorded} was not finished; {command} recovers its messages")
         return code or FAILED
     if interrupts.came:
         line.complain(f"ended by {interrupts.name}; what was played until then is complete")
     summary = json.loads(path.read_text())
-    text = summary_text(summary, run, match.simulation.dt_s, policy_told(match))
+    text = summary_text(summary, run, match.simulation.dt_s, policy_summary(match))
     text += f"\n{next_steps(summary, run, same_options(match), match.fusion.learn)}"
     try:
         print_result(json.dumps(summary) if as_json else text)

@@ -29,7 +29,7 @@ def parser(program: str) -> Parser:
     command = Parser(
         prog=program,
         description="Compares recorded runs. Runs with the same controller, trees, policy and parameters are grouped over "
-        "their seeds, with 95 % confidence intervals; everything else that differs is named.",
+        "their seeds, with 95 % confidence intervals; everything else that differs is listed.",
         epilog="Exit codes: 0 done; 1 failed; 2 bad input; 3 done, but a recording is incomplete.",
     )
     command.add_argument("runs", nargs="+", type=Path, metavar="RUN", help=RUN_HELP)
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Compares the runs. Returns 0, or 3 if a recording is incomplete."""
     paths = list(dict.fromkeys(path.absolute() for path in arguments.runs))
     if len(paths) < 2:
-        raise BadInput("name two runs or more")
+        raise BadInput("name two or more runs")
     if arguments.figure is not None:
         from fbql.report.comparison_figure import comparison_svg  # matplotlib takes a second, and is an extra
 

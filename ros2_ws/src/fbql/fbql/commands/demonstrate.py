@@ -24,10 +24,10 @@ from fbql_common.core.errors import BadInput
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import add_observation_option, know_observations
+from fbql.cli.observations import add_observation_option, register_observations
 from fbql.cli.output import LiveLine, complain, print_result, say
 from fbql.cli.parser import Parser, add_json_option
-from fbql.cli.places import new_path, typed
+from fbql.cli.places import command_text, new_path
 from fbql.cli.words import counted
 from fbql.demonstrations.instruct import instruct, simulation_of, starts
 from fbql.demonstrations.origins import Origin, about_origins, merge, recordings_of
@@ -44,7 +44,7 @@ SLOWEST, FASTEST = 0.01, 100.0
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Records, replays or merges. Returns the exit code."""
     _check_usage(arguments)
-    know_observations(arguments.observation, [arguments.behavior] if arguments.behavior else [])
+    register_observations(arguments.observation, [arguments.behavior] if arguments.behavior else [])
     if arguments.replay is not None:
         return _replay(arguments, interrupts)
     if arguments.merge is not None:
@@ -93,7 +93,7 @@ def _merge(arguments: argparse.Namespace) -> int:
     behavior = recordings[0].behavior
     demonstrations, origins = merge(recordings)
     out = arguments.out or new_path(f"demonstrations-{behavior}-merged")
-    know_observations([], [behavior])
+    register_observations([], [behavior])
     if not save_demonstrations(out, behavior, demonstrations, about_origins(origins)):
         return INCOMPLETE
     _report(arguments, behavior, demonstrations, out)
@@ -103,7 +103,7 @@ def _merge(arguments: argparse.Namespace) -> int:
 def _replay(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     recordings = recordings_of([arguments.replay], arguments.behavior)
     behavior = recordings[0].behavior
-    know_observations([], [behavior])
+    register_observations([], [behavior])
     found = verify(recordings)
     if not trouble_with_terminal():
         show(recordings, arguments.realtime, arguments.ascii, interrupts)
@@ -112,7 +112,7 @@ def _replay(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
         complain(found.first_difference)
     elif found.without_start:
         unknown = f"{found.without_start} of {counted(len(demonstrations), 'demonstration')}"
-        complain(f"{unknown} can't be driven again: the recording does not name their start")
+        complain(f"{unknown} can't be driven again: the recording does not contain their start")
     else:
         say(f"driven again: all {found.steps} steps are identical, bit for bit")
     more = {"identical": found.identical, "steps": found.steps, "first_difference": found.first_difference}
@@ -137,7 +137,7 @@ def _report(
     else:
         observations = [word for each in arguments.observation for word in ("--observation", each)]
         words = [behavior, "--demos", str(path), *observations]
-        say(f"Next: {typed('induce')} {shlex.join(words)}")
+        say(f"Next: {command_text('induce')} {shlex.join(words)}")
 
 
 def _check_usage(arguments: argparse.Namespace) -> None:
@@ -149,7 +149,7 @@ def _check_usage(arguments: argparse.Namespace) -> None:
         raise BadInput(f"name the BEHAVIOR, one of: {', '.join(INSTRUCTORS)}")
     for name, of in (("demonstrations", ("",)), ("steps", ("",)), ("seed", ("", "keyboard"))):
         if getattr(arguments, name) is not None and mode not in of:
-            raise BadInput(f"--{name} does not go with --{mode}")
+            raise BadInput(f"--{name} cannot be combined with --{mode}")
     if not SLOWEST <= arguments.realtime <= FASTEST:
         raise BadInput(f"--realtime is {arguments.realtime:g}, outside of [{SLOWEST:g}, {FASTEST:g}]")
 
@@ -186,13 +186,15 @@ def parser(program: str) -> Parser:
         metavar="S",
         help=f"seed of the starts and of the instructor's hand ({SCRIPTED_SEED}; --keyboard: a new one each time)",
     )
-    command.add_argument("--demonstrations", type=int, metavar="N", help="how many (from the behavior's recipe)")
-    command.add_argument("--steps", type=int, metavar="N", help="most steps of each (from the recipe)")
+    command.add_argument(
+        "--demonstrations", type=int, metavar="N", help="number of demonstrations (from the behavior's recipe)"
+    )
+    command.add_argument("--steps", type=int, metavar="N", help="maximum number of steps of each (from the recipe)")
     command.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
-        help="directory to make; it must not exist (runs/TIME-demonstrations-BEHAVIOR-...)",
+        help="directory to create; it must not exist (runs/TIME-demonstrations-BEHAVIOR-...)",
     )
     add_json_option(command)
     add_observation_option(command)

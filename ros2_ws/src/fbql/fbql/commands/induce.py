@@ -21,7 +21,7 @@ from fbql_common.core.parameters import types_of
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import add_observation_option, know_observations
+from fbql.cli.observations import add_observation_option, register_observations
 from fbql.cli.output import print_result, say, warn, writing
 from fbql.cli.parser import Parser, add_json_option, add_parameter_options
 from fbql.cli.places import new_path
@@ -76,18 +76,18 @@ def parser(program: str) -> Parser:
     command.add_argument("--leaves", type=int, metavar="N", help="leaves of --method cart (chosen by cross-validation)")
     add_observation_option(command)
     more = "; cart: scikit-learn's, for comparison (needs the extra studies; in a clone it is installed once)"
-    about = "without an option, the behavior's recipe decides"
+    about = "defaults are those of the behavior's recipe"
     add_parameter_options(command, InductionParameters, "induction", about, {"method": (CART, more)})
     return command
 
 
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     """Induces the tree. Returns 0."""
-    know_observations(arguments.observation, [arguments.behavior])
+    register_observations(arguments.observation, [arguments.behavior])
     names = ("seed", "every", "patterns", "leaves", *types_of(InductionParameters))
     request = request_of(arguments.behavior, **{name: getattr(arguments, name) for name in names})
     if arguments.curve is not None and request.method != "rl":
-        raise BadInput("--curve is for --method rl; the other methods have no trials")
+        raise BadInput("--curve needs --method rl; the other methods have no trials")
     demonstrations = _demonstrations(request, arguments.demos)
     patterns = patterns_for(request, demonstrations)
     warn(patterns.warnings())
@@ -105,8 +105,8 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     if replaced:
         say(f"{path}: replaced the existing tree")
     if made.tree.leaf_count == 1:
-        warn(["the tree is a single leaf, one command whatever is sensed; record more demonstrations, or bring "
-              "--split-cost nearer to 0"])  # fmt: skip
+        warn(["the tree is a single leaf, the same command for every observation; record more demonstrations, or move "
+              "--split-cost closer to 0"])  # fmt: skip
     rmse = made.rmse_levels
     result = {
         "leaves": made.tree.leaf_count,
@@ -174,7 +174,7 @@ def _curve(values: Sequence[float]) -> str:
 
 
 def _words(result: dict[str, Any]) -> str:
-    error = "n/a (it takes two demonstrations)"
+    error = "n/a (needs two demonstrations)"
     if result["rmse_levels"] is not None:
         error = f"{result['rmse_levels']:.2f} levels, {result['rmse_rad_s']:.1f} rad/s"
     value = "not finite: it diverged" if result["root_value"] is None else f"{result['root_value']:.4f} nat"

@@ -22,9 +22,9 @@ from fbql.demonstrations.make_tree import make_tree
 
 def parser(program: str) -> Parser:
     """The command line."""
-    command = Parser(prog=program, description="Makes the shipped trees again, from their committed seeds.")
+    command = Parser(prog=program, description="Regenerates the shipped trees from their committed seeds.")
     command.add_argument(
-        "--out", type=Path, default=shipped_trees(), metavar="DIR", help="where the trees go (%(default)s)"
+        "--out", type=Path, default=shipped_trees(), metavar="DIR", help="directory for the trees (%(default)s)"
     )
     add_json_option(command)
     return command

@@ -1,4 +1,4 @@
-"""What is sound in a damaged recording as a new run directory, and what of it is lost."""
+"""Recovers the undamaged part of a recording as a new run directory, and reports what is lost."""
 
 from __future__ import annotations
 
@@ -21,23 +21,25 @@ def parser(program: str) -> Parser:
     """The command line."""
     command = Parser(
         prog=program,
-        description="Repairs a recording that was cut off or damaged: writes everything that is sound to a new run "
-        "directory, which every reader of bags reads to its end, and says what is lost. No message whose CRC does not "
+        description="Repairs a recording that was cut off or damaged: writes everything undamaged to a new run "
+        "directory, which any bag reader can read to its end, and reports what is lost. No message whose CRC does not "
         "match is kept. The recording itself is never changed.",
         epilog="Exit codes: 0 nothing is lost; 1 failed; 2 bad input, or nothing to recover; 3 something is lost: the new "
-        "recording is incomplete, and says so to whoever reads it.",
+        "recording is marked as incomplete.",
     )
     command.add_argument(
-        "run", type=Path, metavar="RUN", help="run directory, bag of ROS 2 (MCAP), .mcap or .mcap.active file"
+        "run", type=Path, metavar="RUN", help="run directory, ROS 2 bag (MCAP), .mcap or .mcap.active file"
     )
     command.add_argument("--out", type=Path, metavar="DIR", help="the new run directory (beside it, RUN_recovered)")
-    command.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
-    command.add_argument("--allow-incomplete", action="store_true", help="exit with 0, not 3, where something is lost")
+    command.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
+    command.add_argument(
+        "--allow-incomplete", action="store_true", help="exit with 0 instead of 3 if something is lost"
+    )
     return command
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Recovers the recording. Gives 0, or 3 where something is lost."""
+    """Recovers the recording. Returns 0, or 3 where something is lost."""
     begun_s = monotonic()
     with closing(LiveLine()) as line:
 
@@ -86,15 +88,13 @@ def _values(found: Recovery, seconds: float) -> dict[str, Any]:
 
 def _words(found: Recovery) -> str:
     lines = [f"recovered {found.messages} messages, {found.steps} steps"]
-    lines += [f"damaged, but nothing is lost by it: {note}" for note in found.notes]
+    lines += [f"damaged, but without loss: {note}" for note in found.notes]
     lines += [f"lost: {name}: {_gap(gap)}" for name, gap in found.gaps]
-    lines += [
-        f"lost: {name}: the file has no end; what came after the last flush is not in it" for name in found.cut_off
-    ]
+    lines += [f"lost: {name}: the file was cut off; anything after the last flush is missing" for name in found.cut_off]
     lines += [f"lost before: {what}" for what in found.lost_before]
     if found.messages_lost:
         topics = ", ".join(f"{count} of {topic}" for topic, count in found.messages_lost.items())
-        lines.append(f"lost in all, at least: {sum(found.messages_lost.values())} messages ({topics})")
+        lines.append(f"lost in total, at least: {sum(found.messages_lost.values())} messages ({topics})")
     if found.is_complete:
         lines.append("nothing is lost")
     return "\n".join([*lines, f"recording  {found.path}"])

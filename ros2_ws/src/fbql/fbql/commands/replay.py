@@ -1,4 +1,4 @@
-"""A recorded run again: published on ROS, verified, or recomputed with other parameters or trees."""
+"""Replays a recorded run: publishes it on ROS, verifies it, or recomputes it with other parameters or trees."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _command(arguments: argparse.Namespace):
-    """The function that does it. Only what is needed is imported: verifying takes no ROS."""
+    """The function that does the work. Only what it needs is imported: verifying needs no ROS."""
     if arguments.verify:
         from fbql.replay.verification import verify_run
 
@@ -60,8 +60,8 @@ def parser(program: str) -> Parser:
     ros.add_argument("--start", type=float, default=0.0, metavar="S", help="start S seconds into the recording")
     ros.add_argument("--duration", type=float, metavar="S", help="stop after S seconds of the recording")
     ros.add_argument("--loop", action="store_true", help="start over at the end, until q or Ctrl-C")
-    ros.add_argument("--topics", nargs="+", metavar="TOPIC", help="publish these topics alone")
-    ros.add_argument("--no-clock", dest="clock", action="store_false", help="publish no /clock")
+    ros.add_argument("--topics", nargs="+", metavar="TOPIC", help="publish only these topics")
+    ros.add_argument("--no-clock", dest="clock", action="store_false", help="do not publish /clock")
     ros.add_argument("--domain", type=int, metavar="N", help="ROS_DOMAIN_ID to replay in (a free one)")
     ros.add_argument(
         "--wait", type=float, default=1.0, metavar="S",
@@ -73,11 +73,11 @@ def parser(program: str) -> Parser:
     other = command.add_argument_group("what if")
     other.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE",
-        help="another value of a parameter of fusion, such as weight_gain=0.05; may be repeated",
+        help="a different value for a parameter of fusion, such as weight_gain=0.05; may be repeated",
     )  # fmt: skip
-    other.add_argument("--preset", choices=tuple(PRESETS), help="other thresholds of Subsumption")
-    add_controller_option(other, "another controller, or, with --verify, the file of the run's own")
-    other.add_argument("--policy", metavar="FILE", help="another policy to start from, or none")
+    other.add_argument("--preset", choices=tuple(PRESETS), help="different thresholds for Subsumption")
+    add_controller_option(other, "a different controller, or, with --verify, the file of the run's own controller")
+    other.add_argument("--policy", metavar="FILE", help="a different policy to start from, or none")
     other.add_argument("--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior")
     other.add_argument("--csv", type=Path, metavar="FILE", help="write every step as a table (CSV)")
     other.add_argument("--figure", type=Path, metavar="FILE", help="draw weights and commands, as SVG")
@@ -100,8 +100,8 @@ def _check(arguments: argparse.Namespace) -> None:
     """Raises BadInput for options that do not go together."""
     what_if = _is_what_if(arguments)
     if arguments.verify and what_if and not _only_names_code(arguments):
-        raise BadInput("--verify compares with what was recorded; leave out --set, --trees and the like")
+        raise BadInput("--verify compares with what was recorded; leave out --set, --trees and other changes")
     if arguments.verify and arguments.skip_corrupt:
         raise BadInput("a run without its damaged chunks can't be verified; leave out --skip-corrupt")
     if (arguments.csv or arguments.figure) and not what_if:
-        raise BadInput("--csv and --figure show the effect of another value; add --set, --trees or the like")
+        raise BadInput("--csv and --figure show the effect of a change; add --set, --trees or another one")

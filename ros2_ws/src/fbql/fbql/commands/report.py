@@ -67,7 +67,7 @@ def default_page(run: Path) -> Path:
 
 
 def _write(run: Run, out: Path, figures: Path | None, interrupts: Interrupts) -> dict[str, Any]:
-    """Writes the page as a whole or not at all."""
+    """Writes the page completely or not at all."""
     total = max(run.counts.values(), default=0)
 
     def progress(steps: int) -> None:

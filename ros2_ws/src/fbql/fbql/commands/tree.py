@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fbql_behaviors.core.c_source import to_c
-from fbql_behaviors.core.explanation import explained, rules
+from fbql_behaviors.core.explanation import describe_tree, rules
 from fbql_behaviors.core.observation import observation_of
 from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.drawing.dot import to_dot
@@ -22,7 +22,7 @@ from fbql_common.core.errors import BadInput
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import add_observation_option, know_observations
+from fbql.cli.observations import add_observation_option, register_observations
 from fbql.cli.output import complain, print_result, say, writing
 from fbql.cli.parser import Parser
 from fbql.cli.words import counted
@@ -51,7 +51,7 @@ class _TreeParser(Parser):
 
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     """Runs the subcommand. Returns 0."""
-    know_observations(arguments.observation)
+    register_observations(arguments.observation)
     with writing("output"):
         return arguments.run(arguments)
 
@@ -71,7 +71,7 @@ def _explain(arguments: argparse.Namespace) -> int:
     elif arguments.at is not None:
         print_result(f"leaf {chosen[0]}: {rules(tree)[chosen[0]].sentence}")
     else:
-        print_result(f"{_summary(tree)}\n{explained(tree)}")
+        print_result(f"{_summary(tree)}\n{describe_tree(tree)}")
     return DONE
 
 
@@ -118,7 +118,7 @@ def _export(arguments: argparse.Namespace) -> int:
 
 
 def _import(arguments: argparse.Namespace) -> int:
-    know_observations([], [arguments.behavior])
+    register_observations([], [arguments.behavior])
     features = observation_of(arguments.behavior).features
     try:
         tree = from_arrays(_read_json(arguments.file), arguments.behavior, features, {"method": "imported"})
@@ -137,7 +137,7 @@ def _read_json(path: Path) -> Mapping[str, Any]:
     except OSError as error:
         raise BadInput(f"cannot be read ({error.strerror})") from None
     if len(data) > MAX_BYTES:
-        raise BadInput(f"more than {MAX_BYTES} bytes, the most a tree may have")
+        raise BadInput(f"more than {MAX_BYTES} bytes, which is the limit for a tree")
     try:
         found: Any = json.loads(data)
     except UnicodeDecodeError:

@@ -84,7 +84,7 @@ def _tree(behavior: str, directory: Path | None) -> Tree:
 
 
 def _parameters(arguments: argparse.Namespace) -> TuningParameters:
-    """The behavior's setting, with the command line's values instead."""
+    """The behavior's settings, replaced by the command line's values where given."""
     given = {name: value for name in types_of(TuningParameters) if (value := getattr(arguments, name)) is not None}
     parameters = replace(tuning_of(arguments.behavior), **given)
     check(parameters, "leaf tuning")
@@ -125,5 +125,5 @@ def parser(program: str) -> Parser:
     )
     command.add_argument("--out", type=Path, metavar="FILE", help="tree file (runs/TIME-tuned-BEHAVIOR/BEHAVIOR.json)")
     add_json_option(command)
-    add_parameter_options(command, TuningParameters, "tuning", "without an option, the behavior's setting decides")
+    add_parameter_options(command, TuningParameters, "tuning", "defaults are those set for the behavior")
     return command

@@ -29,7 +29,7 @@ ANYWHERE = SimulationParameters(
 )
 """Starts all over the field and in every direction: the starts of a match cover too little."""
 STARTS = {"wall_avoiding": replace(ANYWHERE, start_distance_high_m=0.3)}
-"""Starts of behaviors that need other ones: walls are avoided near walls, which few starts of `ANYWHERE` reach."""
+"""Starts of behaviors that need different ones: walls are avoided near walls, which few starts of `ANYWHERE` reach."""
 CLEAR_OF_BALL_M = 0.09
 """Robot and ball start no closer than this: nearer they would overlap."""
 MOST_TRIES = 20_000
@@ -109,7 +109,7 @@ def instruct(
 
 
 def _guard(law: Law, behavior: str) -> Law:
-    """A law of the user's own, with its errors reported in one line."""
+    """A user-supplied law, with its errors reported in one line."""
 
     def answer(observed: Sequence[float]) -> tuple[float, float]:
         call = f"the instructor of behavior '{behavior}', called with ({', '.join(f'{x:g}' for x in observed)}),"

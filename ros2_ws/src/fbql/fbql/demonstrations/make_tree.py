@@ -1,6 +1,6 @@
-"""A behavior's tree from demonstrations: what is asked for as a request, and the tree with its figures as the result.
+"""A behavior's tree from demonstrations: a request goes in, and the tree with its figures comes out.
 
-The command `induce` and `fbql.induce` both go this way; `make_tree` makes a tree by its recipe, such as the ones that ship.
+The command `induce` and `fbql.induce` both use it; `make_tree` makes a tree by its recipe, such as the shipped ones.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ CART = "cart"
 
 @dataclass(frozen=True)
 class InductionRequest:
-    """How a tree is to be induced. Made by `request_of`, which checks it."""
+    """How to induce a tree. Created by `request_of`, which checks it."""
 
     behavior: str
     recipe: Recipe
@@ -74,14 +74,14 @@ def request_of(
     leaves: int | None = None,
     **parameters: Any,
 ) -> InductionRequest:
-    """The request for a behavior's tree: its recipe, with what is given instead.
+    """The request for a behavior's tree: its recipe, overridden by the given arguments.
 
     Args:
         method: rl (trials), dp (exact) or cart (scikit-learn).
         objective: what a tree is worth: weighted, or as printed in the paper.
         every: take every n-th step of a demonstration as a pattern.
         patterns: take at most this many patterns.
-        leaves: number of leaves; for cart alone.
+        leaves: number of leaves; for cart only.
         parameters: other fields of `InductionParameters`.
 
     Raises:
@@ -93,7 +93,9 @@ def request_of(
     if is_cart:
         scikit_learn()  # refused here, before anything takes long
     elif leaves is not None:
-        raise BadInput("leaves is for method cart; the other methods choose the number themselves (split_cost)")
+        raise BadInput(
+            "leaves applies only to method cart; the other methods choose the number themselves (split_cost)"
+        )
     given = {"method": None if is_cart else method, "objective": objective, **parameters}
     unknown = sorted(given.keys() - types_of(InductionParameters).keys())
     if unknown:
@@ -142,7 +144,7 @@ def _grow(request: InductionRequest, patterns: Patterns) -> InducedTree:
 
 
 def make_tree(behavior: str, demonstration_seed: int = DEMONSTRATION_SEED) -> Induced:
-    """A behavior's tree by its recipe; with the default seed the one that ships."""
+    """A behavior's tree by its recipe; with the default seed the shipped one."""
     recipe = RECIPES[behavior]
     demonstrations = instruct(behavior, demonstration_seed, recipe.demonstrations, recipe.steps)
     patterns = patterns_of(demonstrations, OBSERVATIONS[behavior], recipe.every, recipe.patterns)

@@ -1,4 +1,5 @@
-"""The origin of demonstrations: who gave them, and how each world began, so that it can be driven again; merging recordings."""
+"""The origin of demonstrations: who gave them, and how each world started, so that it can be driven again; merging
+recordings."""
 
 from __future__ import annotations
 
@@ -48,7 +49,7 @@ def origins_of(about: Mapping[str, str], where: object) -> list[Origin]:
     try:
         return [_origin(each) for each in json.loads(about.get(ORIGINS_KEY, "[]"))]
     except (BadInput, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise BadInput(f"{where}: the origin that it names cannot be read ({error})") from None
+        raise BadInput(f"{where}: the origin of its demonstrations cannot be read ({error})") from None
 
 
 def _origin(stored: Mapping[str, Any]) -> Origin:

@@ -38,7 +38,7 @@ class PracticeGround:
 
 
 def measuring_seeds(seed: int, episodes: int) -> list[int]:
-    """Seeds of the episodes that trees are measured on. `tune` draws different ones, whatever its seed."""
+    """Seeds of the episodes that trees are measured on. `tune` always draws different ones."""
     words = np.random.SeedSequence([seed, MEASURING]).generate_state(episodes, np.uint64)
     return [int(word >> np.uint64(1)) for word in words]
 

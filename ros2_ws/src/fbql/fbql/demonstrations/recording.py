@@ -48,7 +48,7 @@ def make_directory(directory: Path) -> None:
     except FileExistsError:
         raise BadInput(f"{directory} exists; demonstrations are never overwritten, choose another directory") from None
     except OSError as error:
-        raise BadInput(f"{directory}: cannot be made ({error.strerror}); choose another directory") from None
+        raise BadInput(f"{directory}: cannot be created ({error.strerror}); choose another directory") from None
 
 
 def write_demonstrations(
@@ -58,9 +58,10 @@ def write_demonstrations(
     about: Mapping[str, object],
     report: Callable[[str], None] = say,
 ) -> bool:
-    """Records demonstrations into a directory without a recording; `about` goes with them, each value as JSON.
+    """Records demonstrations into a directory without a recording; `about` is stored with them, each value as JSON.
 
-    False when the disk failed meanwhile; `report` is told why. Raises BadInput when it can't be written there at all.
+    Returns False when the disk failed meanwhile; `report` is called with the reason. Raises BadInput when it can't be
+    written there at all.
     """
     custom_data = {BEHAVIOR_KEY: behavior, **{key: json.dumps(value) for key, value in about.items()}}
     messages = {f"/{WORLD}": step_messages()[World], f"/{WHEEL_COMMAND}": step_messages()[WheelCommand]}

@@ -30,7 +30,7 @@ def domain_from() -> int | None:
 
 @contextmanager
 def free_domain() -> Generator[int]:
-    """A domain that nobody on this machine uses, reserved until the end. Raises BadInput if there is none."""
+    """A domain that is unused on this machine, reserved until the process ends. Raises BadInput if there is none."""
     try:
         domain = domain_coordinator.domain_id(_quiet_domains())
         number = domain.__enter__()

@@ -1,7 +1,7 @@
 """The graph live in Foxglove: the messages of its topics, byte for byte, on a websocket of this machine.
 
-It needs foxglove-sdk, the extra `foxglove`. Nothing in the graph depends on it: a client that is
-slow, or gone, loses messages and holds nobody up.
+It needs foxglove-sdk, the extra `foxglove`. Nothing in the graph depends on it: a client that is slow or gone loses
+messages, but delays nothing.
 """
 
 from __future__ import annotations

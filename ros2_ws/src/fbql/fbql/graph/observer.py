@@ -1,4 +1,4 @@
-"""Nodes that commands have in a graph themselves, such as the one that watches a bring-up."""
+"""The commands' own nodes in a graph, such as the one that watches a bring-up."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STATUS = "fusion: match"
 
 
 class CommandNode:
-    """A node with a context of its own, which takes in messages only in `look`."""
+    """A node with its own context, which receives messages only in `look`."""
 
     def __init__(self, name: str, domain_id: int) -> None:
         self._context = rclpy.Context()
@@ -31,7 +31,7 @@ class CommandNode:
         self._executor.add_node(self.node)
 
     def look(self, duration_s: float) -> None:
-        """Takes in what arrives for this long."""
+        """Receives messages for this long."""
         deadline = monotonic() + duration_s
         while (left_s := deadline - monotonic()) > 0:
             # A new future each time: the executor leaves a callback in it.

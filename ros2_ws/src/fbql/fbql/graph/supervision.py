@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # it takes message packages that a bring-up without it need n
 
 BEFORE_THE_MATCH = "the match had not begun"
 _LOOK_S = 0.05
-"""How long to take in messages between two looks at the processes [s]."""
+"""How long to receive messages between two checks of the processes [s]."""
 _DISCOVERY_S = 3.0
 """Every participant of a domain announces itself again within this time [s]."""
 _FIRST_OUTPUT_S = 3.0
@@ -43,7 +43,7 @@ class Supervision:
     Args:
         domain_id: None for a free one, which is reserved while the graph runs.
         start_timeout_s: how long every node and topic may take to appear [s].
-        live: where people watch, if they do.
+        live: the live viewer, if there is one.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Supervision:
         """Plays the match in its run directory; every process has ended when this returns or raises.
 
         Returns:
-            0 when fusion ended well or a signal asked for the end, 1 on a failure, 3 when the recording is incomplete.
+            0 when fusion succeeded or a signal requested the end, 1 on a failure, 3 when the recording is incomplete.
 
         Raises:
             BadInput: refused before any process was started.
@@ -113,7 +113,8 @@ class Supervision:
                 raise GraphFailed(f"'{name}' can't be started: {command[0]}: {error.strerror}") from None
 
     def _completeness(self) -> int:
-        """Reports it if fusion could not record everything: the files that say so may be missing for the same reason."""
+        """Reports it if fusion could not record everything: the files that record this may be missing for the same
+        reason."""
         if not self._started or self._started[-1].exit_code != INCOMPLETE:
             return DONE
         fusion = self._started[-1]
@@ -131,7 +132,7 @@ class Supervision:
                 twins = sorted(set(observer.nodes()) & set(launch.node_names(match)))
         if twins:
             raise BadInput(
-                f"node '{twins[0]}' runs already in ROS_DOMAIN_ID={domain_id}; "
+                f"node '{twins[0]}' is already running in ROS_DOMAIN_ID={domain_id}; "
                 "end it, or unset ROS_DOMAIN_ID to get a free domain"
             )
 
@@ -165,7 +166,7 @@ class Supervision:
                 raise GraphFailed(f"after {self._start_timeout_s:g} s the graph still lacks {', '.join(missing)}")
 
     def _watch(self, observer: Observer) -> None:
-        """Waits until fusion has ended, or a signal asks for the end."""
+        """Waits until fusion has ended, or a signal requests the end."""
         fusion = self._started[-1]
         while not self._interrupts.came:
             observer.look(_LOOK_S)

@@ -28,7 +28,7 @@ from fbql.terminal.keys import DRIVING, Key
 from fbql.terminal.screen import Screen
 
 LOOK_S = 1 / 60
-"""Longest time between two looks at the keys [s]."""
+"""Longest time between two checks of the keys [s]."""
 _SHORTEST_LOOK_S = 0.0005
 
 
@@ -69,7 +69,7 @@ class Drive:
         self._finished = False
 
     def deliver(self, world: World) -> None:
-        """Takes in a world state."""
+        """Receives a world state."""
         if world.episode != self._sitting.episode:
             return
         if self._sitting.answered(world) is None:
@@ -96,7 +96,7 @@ class Drive:
         return None
 
     def _pause_s(self) -> float:
-        """How long to take in messages: until the next step is due, if there is one."""
+        """How long to receive messages: until the next step is due, if there is one."""
         if not self._sitting.begun or self._world is None or self._world.ended:
             return LOOK_S
         return min(max(self._due_s - monotonic(), _SHORTEST_LOOK_S), LOOK_S)
@@ -216,7 +216,7 @@ def demonstrate_by_keyboard(
     if problem:
         complain(problem)
     if interrupts.came and sitting.kept and written:
-        complain(f"ended by {interrupts.name}; what was demonstrated until then is written")
+        complain(f"ended by {interrupts.name}; what was demonstrated until then is saved")
     return SittingResult(sitting.kept, written and problem is None)
 
 

@@ -44,7 +44,7 @@ class LiveSimulator:
     Args:
         parameters: of the world.
         domain_id: of the graph.
-        shared: whether the domain may hold nodes of others.
+        shared: whether the domain may contain other users' nodes.
         environment: of the simulator's process.
         log_directory: for the simulator's output and its parameter file.
         deliver: called with every world state; one comes again when no command follows.
@@ -131,7 +131,7 @@ class LiveSimulator:
         if self._input.publishers() > 0 or SIMULATOR in self._instructor.node.get_node_names():
             self._instructor.close()
             raise BadInput(
-                f"a simulator runs already in ROS_DOMAIN_ID={self._domain_id}; "
+                f"a simulator is already running in ROS_DOMAIN_ID={self._domain_id}; "
                 "end it, or unset ROS_DOMAIN_ID to get a free domain"
             )
 

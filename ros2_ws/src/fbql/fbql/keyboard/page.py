@@ -1,4 +1,4 @@
-"""What the screen shows, as lines of characters: the field on the left, the status beside it, a message below."""
+"""The contents of the screen, as lines of characters: the field on the left, the status beside it, a message below."""
 
 from __future__ import annotations
 

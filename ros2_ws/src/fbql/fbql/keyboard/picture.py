@@ -50,7 +50,7 @@ def field_picture(world: World, columns: int, rows: int, ascii_only: bool = Fals
 
 
 class _Canvas:
-    """Dots, and for each character the uppermost thing in it."""
+    """Dots, and for each character the topmost thing in it."""
 
     def __init__(self, columns: int, rows: int, ascii_only: bool) -> None:
         self._ascii = ascii_only

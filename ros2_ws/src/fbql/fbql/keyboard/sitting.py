@@ -1,7 +1,7 @@
 """One sitting at the keyboard: the demonstration in progress, those that are kept, and their copies on disk.
 
-Each kept demonstration is at once written as a recording of its own, below the directory of the sitting's recording, so that
-not even a power cut takes all of them; the copies are removed when the whole is written.
+Each kept demonstration is written immediately as a separate recording, below the directory of the sitting's recording,
+so that not even a power cut loses all of them; the copies are removed when the complete recording is written.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Sitting:
     Args:
         starts: seeds of the worlds to begin with, without end.
         every: a pattern is taken every this many steps.
-        wanted: how many patterns the behavior's recipe takes at most.
+        wanted: most patterns that the behavior's recipe takes.
     """
 
     def __init__(self, starts: Iterator[int], every: int, wanted: int) -> None:
@@ -69,7 +69,7 @@ class Sitting:
         return min(sum(-(-length // self._every) for length in lengths), self.wanted)
 
     def awaits(self, world: World) -> bool:
-        """Whether a world state is to be answered now: it is the next one of an episode that has begun."""
+        """Whether a world state must be answered now: it is the next one of an episode that has begun."""
         return self.begun and world.episode == self.episode and world.step == len(self._worlds) and not world.ended
 
     def answered(self, world: World) -> WheelCommand | None:
@@ -130,7 +130,7 @@ class Sitting:
 
 
 class Safekeeping:
-    """The recording of a sitting, in a directory of its own."""
+    """The recording of a sitting, in its own directory."""
 
     def __init__(
         self, directory: Path, behavior: str, simulation: SimulationParameters, details: Mapping[str, object]
@@ -147,7 +147,8 @@ class Safekeeping:
         make_directory(self.directory)
 
     def keep(self, kept: Kept) -> str | None:
-        """Writes a copy of a demonstration. Returns the reason when that fails; it can still be written at the end."""
+        """Writes a copy of a demonstration. Returns the reason when that fails; the demonstration can still be written
+        at the end."""
         place = self.directory / UNFINISHED / f"{self._count:04}"
         self._count += 1
         self._copies.append(place)

@@ -1,8 +1,8 @@
 """Keys to wheel velocities, for terminals, which report that a key is pressed, and repeat it, but not that it is released.
 
 The speed is kept: each press changes it by one level. The turn ends when presses stop coming: a tap turns by a few degrees;
-holding the key (the terminal repeats it) keeps turning, and faster after a while. So one hand steers, and nothing has to be
-turned back.
+holding the key (the terminal repeats it) keeps turning, and faster after a while. So one hand is enough to steer, and
+no turn has to be undone.
 
 All velocities are whole levels of the paper's 29 (`fbql_behaviors.core.quantizer`), so that a pattern's class is exactly
 what was driven.
@@ -15,7 +15,7 @@ from fbql_behaviors.core.quantizer import rad_s_of
 from fbql.terminal.keys import Key
 
 FASTEST_LEVEL = 8
-"""Highest speed [levels]: 1.0 m/s; nobody reacts in time to more."""
+"""Highest speed [levels]: 1.0 m/s; nobody can react in time at higher speeds."""
 FASTEST_BACK_LEVEL = 4
 """Highest speed backwards [levels]."""
 HOLD_S = 0.13
@@ -23,13 +23,13 @@ HOLD_S = 0.13
 REPEAT_S = 0.2
 """Presses of a turn key that are no farther apart than this count as one that is held [s]."""
 STRONGER_S = 0.25
-"""A turn key that is held turns one level more after each such interval [s]."""
+"""Holding a turn key adds one level of turn after each such interval [s]."""
 STRONGEST_TURN = 3
 """Strongest turn: difference between the wheels [levels], 5.4 rad/s."""
 
 
 class Steering:
-    """The wheel velocities that the keys ask for. Times are those of any steady clock [s]."""
+    """The wheel velocities that the keys request. Times are those of any steady clock [s]."""
 
     def __init__(self) -> None:
         self.speed = 0

@@ -40,7 +40,7 @@ class Played(NamedTuple):
     """A match that was played."""
 
     match: Match
-    """With the run directory that was made, if one was."""
+    """With the run directory, if one was created."""
     session: Session
     summary: Summary
 
@@ -80,13 +80,13 @@ def _session_of(match: Match) -> Session:
 
 
 def own_observation(match: Match, name: str) -> dict[str, str]:
-    """The parameter of a behavior's node that names what it senses, where the user gave a file."""
+    """The parameter that names a behavior's observation to its node, where the user gave a file."""
     source = match.observations.get(load_tree(match.behaviors[name]).behavior) if match.observations else None
     return {"observation": source} if source else {}
 
 
 def rehearse(match: Match, policy: Policy | None = None) -> None:
-    """Plays the first step, so that whatever does not fit together shows before anything is written. Raises BadInput."""
+    """Plays the first step, so that any mismatch shows before anything is written. Raises BadInput."""
     session, loop, behaviors = parts_of(match, policy)
     begun = session.next_episode()
     assert begun is not None

@@ -15,15 +15,15 @@ from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, types_of
-from fbql_fusion.controller_loading import know_controller
-from fbql_fusion.core.parameters import PRESETS, FusionParameters, check_fusion, guided_episodes, without_part
+from fbql_fusion.controller_loading import resolve_controller
+from fbql_fusion.core.parameters import PRESETS, FusionParameters, check_fusion, guided_episodes, unused_parameters
 from fbql_fusion.core.registry import fusion_parameters, learns
 from fbql_fusion.shipped import shipped_policy
 from fbql_recording.run_directory import create_next_run_directory, create_run_directory
 from fbql_sim.core.parameters import SimulationParameters
 
 from fbql.cli.controllers import add_controller_option
-from fbql.cli.observations import add_observation_option, know_observations
+from fbql.cli.observations import add_observation_option, register_observations
 from fbql.cli.parser import Help, Parser
 from fbql.cli.places import RUNS
 
@@ -35,7 +35,7 @@ _OF_THE_RUN = {"controller", "seed", "episodes", "goals", "guided", "learn"}
 
 @dataclass(frozen=True)
 class Match:
-    """What is to be played, and where the run goes."""
+    """What to play, and where the run is written."""
 
     fusion: FusionParameters
     simulation: SimulationParameters
@@ -49,11 +49,11 @@ class Match:
     trees: Path | None = None
     """The directory of the trees, if the user named one."""
     observations: dict[str, str] = field(default_factory=dict[str, str])
-    """FILE.py:NAME of what a behavior of the user's own senses, by the behavior that its tree file names."""
+    """FILE.py:NAME of what each user-supplied behavior senses, by the behavior that its tree file names."""
     controller_file: str = ""
-    """FILE.py:NAME of a controller of the user's own."""
+    """FILE.py:NAME of a user-supplied controller."""
     notes: tuple[str, ...] = ()
-    """What the user may not expect, in a line each: how it starts, and which options play no part."""
+    """Notes on what the user may not expect, one line each: how the match starts, and which options have no effect."""
 
 
 def match_parser(program: str, description: str) -> Parser:
@@ -85,11 +85,11 @@ def match_parser(program: str, description: str) -> Parser:
     play.add_argument(
         "--policy",
         metavar="FILE",
-        help="policy.npz of an earlier run to start from, or none; without it fbql starts from the policy that ships, "
-        "unless it has other behaviors or other trees, or is to be guided; the other controllers start untrained",
+        help="policy.npz of an earlier run to start from, or none; by default fbql starts from the shipped policy, "
+        "unless its behaviors or trees differ or it has guided episodes; the other controllers start untrained",
     )
     play.add_argument(
-        "--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior (the trees that ship)"
+        "--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior (the shipped trees)"
     )
     add_observation_option(play)
     play.add_argument(
@@ -101,9 +101,12 @@ def match_parser(program: str, description: str) -> Parser:
     )
     result = parser.add_argument_group("what comes out")
     result.add_argument(
-        "--out", type=Path, metavar="DIR", help="run directory to make; it must not exist (runs/TIME-CONTROLLER-sSEED)"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="run directory to create; it must not exist (runs/TIME-CONTROLLER-sSEED)",
     )
-    result.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    result.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
     return parser
 
 
@@ -119,7 +122,7 @@ def match_from(arguments: argparse.Namespace) -> Match:
     for option in ("episodes", "goals"):
         if getattr(arguments, option) is not None and getattr(arguments, option) < 1:
             raise BadInput(f"--{option} is {getattr(arguments, option)}; it must be 1 or more")
-    controller = know_controller(arguments.controller or ("subsumption" if arguments.preset else "fbql"))
+    controller = resolve_controller(arguments.controller or ("subsumption" if arguments.preset else "fbql"))
     values: dict[str, Any] = {
         "controller": controller.name,
         "preset": arguments.preset or "tuned",
@@ -152,7 +155,7 @@ def match_from(arguments: argparse.Namespace) -> Match:
         out_named=arguments.out is not None,
         json=arguments.json,
         trees=arguments.trees and arguments.trees.absolute(),
-        observations=know_observations(arguments.observation),
+        observations=register_observations(arguments.observation),
         controller_file=controller.source,
         notes=tuple(notes),
     )
@@ -164,19 +167,21 @@ def _notes_on_the_start(fusion: FusionParameters, policy: Path | None, fits: boo
     if fusion.controller == "fbql" and not (fits or asked):
         yield "starts untrained: the shipped policy belongs to the shipped trees; --policy FILE names another"
     if not fusion.learn:
-        yield f"{fusion.controller} neither learns nor has a policy: its weights stay as they start; give --policy FILE"
+        yield f"{fusion.controller} neither learns nor has a policy: its weights stay as they were at the start; give --policy FILE"
 
 
 def _unused(fusion: FusionParameters, policy: Path | None, given: Sequence[str]) -> Iterator[str]:
-    """The options that play no part with this controller."""
+    """The options that have no effect with this controller."""
     learner = learns(fusion)
     if not (learner or fusion.learn):
-        yield f"--no-learn plays no part: {fusion.controller} does not learn"
-    yield from without_part(fusion, given, guided_episodes(fusion, learner and fusion.learn, policy is not None) > 0)
+        yield f"--no-learn has no effect: {fusion.controller} does not learn"
+    yield from unused_parameters(
+        fusion, given, guided_episodes(fusion, learner and fusion.learn, policy is not None) > 0
+    )
 
 
 def _are_shipped(behaviors: dict[str, Path]) -> bool:
-    """Whether these are the behaviors that the shipped policy was learned with, whichever copies of their trees."""
+    """Whether these are the behaviors and trees that the shipped policy was learned with, in whatever files."""
     if list(behaviors) != FusionParameters().behaviors:
         return False
     try:
@@ -186,12 +191,12 @@ def _are_shipped(behaviors: dict[str, Path]) -> bool:
 
 
 def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any]) -> str:
-    """Adds the value of a --set to the node's that has the parameter. Gives the parameter's name."""
+    """Adds the value of a --set to the node's that has the parameter. Returns the parameter's name."""
     name, equals, text = setting.partition("=")
     declarations = ((fusion, fusion_parameters()), (simulation, SimulationParameters))
     for values, declaration in declarations:
         if equals and name in limits_of(declaration):
-            values[name] = parsed(text, types_of(declaration)[name], name)
+            values[name] = parse_value(text, types_of(declaration)[name], name)
             return name
     known = [name for _, declaration in declarations for name in limits_of(declaration)]
     if not equals or not name:
@@ -200,12 +205,12 @@ def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any
 
 
 def similar(name: str, known: Sequence[str]) -> str:
-    """What to write instead of an unknown name: those like it, or where all of them are listed."""
+    """A hint for an unknown name: the names like it, or where all of them are listed."""
     found = get_close_matches(name, known)
     return f"did you mean {' or '.join(found)}?" if found else "docs/parameters.md has the names"
 
 
-def parsed(text: str, kind: Any, name: str) -> Any:
+def parse_value(text: str, kind: Any, name: str) -> Any:
     """The value of a text, for a parameter of this kind. Raises BadInput."""
     if kind is bool:
         if text in ("true", "false"):
@@ -247,8 +252,8 @@ def _out(out: Path | None, fusion: FusionParameters) -> Path:
     return RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"
 
 
-def policy_told(match: Match) -> tuple[str, str] | None:
-    """In a word, and in more, the policy that a match starts from; None where the controller has none."""
+def policy_summary(match: Match) -> tuple[str, str] | None:
+    """The policy that a match starts from, in one word and in a sentence; None if the controller has none."""
     if not learns(match.fusion):
         return None
     if match.policy is None:
@@ -259,9 +264,11 @@ def policy_told(match: Match) -> tuple[str, str] | None:
 
 
 def same_options(match: Match) -> str:
-    """The options by which bringup has the behaviors, trees and parameters of a match again, for a shell; each after a space.
+    """The options that give bringup the behaviors, trees and parameters of a match again, for a shell; each after a
+    space.
 
-    What the next run chooses anew is left out: controller, policy, seed, how many episodes or goals, whether it learns.
+    Options that the next run chooses anew are left out: controller, policy, seed, how many episodes or goals, whether
+    it learns.
     """
     words = [word for source in match.observations.values() for word in ("--observation", source)]
     if match.trees is not None:
@@ -282,7 +289,7 @@ def set_text(value: object) -> str:
 
 
 def make_run_directory(match: Match) -> Match:
-    """Makes the run directory, and runs/ of this checkout for one in there. Gives the match with the directory that was made.
+    """Creates the run directory, and the checkout's runs/ if it goes there. Returns the match with that directory.
 
     Raises:
         BadInput: it exists, or can't be made.
@@ -292,7 +299,7 @@ def make_run_directory(match: Match) -> Match:
         try:
             RUNS.mkdir(exist_ok=True)
         except OSError as error:
-            raise BadInput(f"{RUNS}: can't be made ({error.strerror}); name a run directory with --out") from None
+            raise BadInput(f"{RUNS}: can't be created ({error.strerror}); name a run directory with --out") from None
     if match.out_named:
         create_run_directory(path)
         return match

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fbql.cli.places import typed
+from fbql.cli.places import command_text
 from fbql.cli.words import counted, percent
 
 
 def status_line(status: Mapping[str, str], width: int | None = None) -> str:
-    """One line from the fields of a status (those of fbql_fusion.status), in the longest form that fits."""
+    """One line from the fields of a status (those of fbql_fusion.status), in the longest form that fits the width."""
     names, weights = status["weights"].split()[::2], status["weights"].split()[1::2]
     named = " ".join(f"{name} {weight}" for name, weight in zip(names, weights, strict=True))
     goals, own_goals, timeouts = status["goals"], status["own_goals"], status["timeouts"]
@@ -35,7 +35,8 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tup
     Args:
         run: the run directory.
         dt_s: simulated time of one step [s].
-        policy: the policy that the match started from, in one word and in more; None for a controller that has none.
+        policy: the policy that the match started from, in one word and in a sentence; None for a controller that has
+            none.
     """
     episodes, goals, rate = summary["episodes"], summary["goals"], summary["success_rate"]
     success = "" if rate is None else f", success rate {percent(rate)}"
@@ -57,7 +58,7 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tup
         ("recording", recorded or "none", f"{'messages in ' if recorded else ''}{run}"),
     ]
     if summary["incomplete"]:
-        rows.append(("", "INCOMPLETE", f"something could not be written; see {run / 'log'}"))
+        rows.append(("", "INCOMPLETE", f"some of the output could not be written; see {run / 'log'}"))
     title = f"{summary['controller']}, seed {summary['seed']}: {counted(goals, 'goal')} in {counted(episodes, 'episode')}{success}"
     lines = [f"  {name:<11} {value!s:>9}  {meaning}".rstrip() for name, value, meaning in rows]
     return "\n".join(["", title, "", *lines])
@@ -82,7 +83,7 @@ def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
             count = sum(row["phase"] == "guided" for row in csv.DictReader(file))
     except (OSError, KeyError):
         return []
-    return [("guided", count, "episodes first; only the lines below count them")] if count else []
+    return [("guided", count, "episodes came first; they count only in the lines below")] if count else []
 
 
 def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: bool = True) -> str:
@@ -92,24 +93,27 @@ def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: boo
         same: the options that give bringup the same behaviors, trees and parameters again.
         learn: whether the controller could keep learning.
     """
-    bringup = f"{typed('bringup')}{same}"
+    bringup = f"{command_text('bringup')}{same}"
     player = f"{bringup} --controller {summary['controller']}"
     place = shlex.quote(str(run))
     if (run / "policy.npz").is_file():
         player += f" --policy {shlex.quote(str(run / 'policy.npz'))}"
-        other = player, "continue from what was learned" if learn else "learn on from the policy that was played"
+        other = (
+            player,
+            "continue from the learned policy" if learn else "continue learning from the policy that was played",
+        )
         player += "" if learn else " --no-learn"
     elif summary["controller"] == "subsumption":
         shipped = not same  # the shipped policy fits the usual behaviors, trees and parameters
         meaning = "fused by the shipped policy" if shipped else "and fbql learns to fuse them"
         other = f"{bringup}{'' if shipped else ' --policy none'}", f"the same behaviors, {meaning}"
     else:
-        other = f"{bringup} --controller subsumption", "the same behaviors, by priorities instead"
+        other = f"{bringup} --controller subsumption", "the same behaviors, selected by priority instead"
     steps = [other, (f"{player} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
     if summary["messages_recorded"]:
-        steps.append((f"{typed('report')} {place}", "a page that shows what happened, step by step, and why"))
+        steps.append((f"{command_text('report')} {place}", "a page that shows what happened, step by step, and why"))
     if summary["messages_recorded"] and summary["incomplete"]:
-        steps.append((f"{typed('recover')} {place}", "repair the recording, and see what was lost"))
+        steps.append((f"{command_text('recover')} {place}", "repair the recording, and see what was lost"))
     elif summary["messages_recorded"]:
         meaning = f"what was recorded, if ROS 2 is installed; Foxglove opens its {run.name}_0.mcap"
         steps.append((f"ros2 bag info {place}", meaning))

@@ -155,7 +155,7 @@ def _ball(world: World, opacity: float) -> str:
 
 
 def _moving(worlds: Sequence[World]) -> str:
-    """Robot and ball along their trails, in real time, over and over."""
+    """Robot and ball moving along their trails in real time, repeated forever."""
     duration_s = (worlds[-1].stamp_ns - worlds[0].stamp_ns) / 1e9
     count = max(2, round(duration_s * FRAMES_PER_S))
     frames = [worlds[round(i * (len(worlds) - 1) / (count - 1))] for i in range(count)]

@@ -6,18 +6,18 @@ from collections.abc import Callable
 from enum import Enum
 
 POLL_S = 0.02
-"""Time between two looks at the keys while there is nothing to wait for [s]."""
+"""Time between two checks of the keys while there is nothing to wait for [s]."""
 _WAIT_S = 0.1
 _NS = 1_000_000_000
 
 
 class Order(Enum):
-    """What a person asks for while a recording is replayed."""
+    """A person's request while a recording is replayed."""
 
     PAUSE = "space"
     """Pause, or continue."""
     STEP = "s"
-    """Publish what has the next time stamp, then pause."""
+    """Publish everything with the next time stamp, then pause."""
     QUIT = "q"
 
 
@@ -52,7 +52,7 @@ class Pace:
         self._last_ns: int | None = None
         """Time of the last published message."""
         self._steps = 0
-        """Steps that were asked for and are still to come."""
+        """Requested steps that are still to come."""
         self._looked_s = float("-inf")
 
     def restart(self) -> None:

@@ -1,4 +1,4 @@
-"""A recorded run recomputed in this process: the recorded world states, given to trees and a session of our own.
+"""A recorded run recomputed in this process: the recorded world states, given to newly made trees and a new session.
 
 The simulator is not needed: the world states are the recorded ones, and so is which answers arrived in time. The recording
 holds everything else: every parameter including the seed, the trees, and the policy that the run started from.
@@ -18,7 +18,7 @@ from fbql_behaviors.storage import tree_from_bytes
 from fbql_common.core import recording_names
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping
-from fbql_fusion.controller_loading import know_installed
+from fbql_fusion.controller_loading import register_installed
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import fusion_parameters
@@ -33,7 +33,7 @@ class OutOfPlace(Exception):
 
 
 class RecordedSession:
-    """A session that is led through the steps of a recording: its episodes begin, and restart, where the recorded ones did."""
+    """A session that follows the steps of a recording: its episodes begin and restart where the recorded ones did."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -63,7 +63,7 @@ class RecordedSession:
 
 
 def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
-    """The parameters of fusion that were in force, and how this release's parameters differ, in words.
+    """The parameters of fusion that were in force, and a description of how this release's parameters differ.
 
     Raises:
         BadInput: the recording has none, or one is out of range.
@@ -72,7 +72,7 @@ def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
     if not found:
         raise BadInput(f"{run.path}: it has no parameters; only a recording made by the fusion node can be recomputed")
     controller = found.get("controller", "")
-    if not (isinstance(controller, str) and know_installed(controller)):
+    if not (isinstance(controller, str) and register_installed(controller)):
         copy = f"{recording_names.CONTROLLERS}{controller}.py"
         there = f" (the recording has a copy, {copy})" if copy in run.attachments else ""
         raise BadInput(
@@ -130,7 +130,7 @@ class RecordedBehaviors:
         """Why the answers of a behavior can't be recomputed, by its name."""
 
     def behavior(self, name: str, tree_hash: str) -> Behavior | None:
-        """The behavior with this tree; None if it can't be made, and then `missing` says why."""
+        """The behavior with this tree; None if it can't be made; `missing` then holds the reason."""
         key = (name, tree_hash)
         if key not in self._made:
             self._made[key] = self._make(name, tree_hash)
@@ -145,7 +145,7 @@ class RecordedBehaviors:
         copy = self._run.attachments.get(f"{recording_names.OBSERVATIONS}{name}.py")
         if not source and copy is not None and tree.behavior not in OBSERVATIONS:
             self.missing[name] = (
-                "what it senses is defined in a file of the user's; name that with --observation "
+                "what it senses is defined in a user file; name it with --observation "
                 f"(the recording has a copy, {recording_names.OBSERVATIONS}{name}.py)"
             )
             return None

@@ -1,8 +1,8 @@
 """`replay RUN`: publishes every recorded message on ROS again, byte for byte, with /clock.
 
-It uses a domain of its own, so that a live graph is not disturbed. Each topic has the quality of service that it was recorded
-with. A reliable topic waits now and then until its subscribers have acknowledged what was published, so that a fast replay
-outruns nobody.
+It uses its own domain, so that a live graph is not disturbed. Each topic has the quality of service that it was
+recorded with. A reliable topic waits now and then until its subscribers have acknowledged what was published, so that a
+fast replay does not outrun its subscribers.
 """
 
 from __future__ import annotations

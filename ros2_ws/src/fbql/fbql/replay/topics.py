@@ -29,15 +29,15 @@ MARKERS = "simulator/markers"
 _WORLD_TYPE = "fbql_msgs/msg/WorldState"
 _POSES = (ROBOT_POSE, BALL_POSE, WALL_POSE)
 _LOOK_S = 0.25
-"""Time between two looks at who subscribes [s]."""
+"""Time between two checks of who subscribes [s]."""
 
 
 def message_class(topic: Topic) -> type[Any]:
     """The message class of a recorded topic.
 
     Raises:
-        BadInput: it is not installed, or installed with other fields than were recorded: subscribers would read something
-            else into the recorded bytes.
+        BadInput: it is not installed, or installed with other fields than were recorded: subscribers would misread the
+            recorded bytes.
     """
     package, _, name = topic.type_name.split("/")
     try:

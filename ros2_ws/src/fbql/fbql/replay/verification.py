@@ -1,7 +1,7 @@
 """`replay RUN --verify`: recomputes a recorded run, every leaf, reference, Q, weight and command, and compares bit by bit.
 
-The bytes that would go over the wire are compared. Where they differ, so are the fields: padding, which a middleware may
-leave as it was in memory, is no difference.
+The bytes that would go over the wire are compared. If they differ, the fields are compared: a middleware may leave
+garbage in the padding, which does not count as a difference.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, World
-from fbql_fusion.controller_loading import know_controller
+from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.session import Session
 from fbql_recording import Corrupt, Run
 from fbql_recording.core.decoding import MessageCodec
@@ -29,7 +29,7 @@ from fbql_recording.run_directory import own_revision, software_versions
 
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import know_observations
+from fbql.cli.observations import register_observations
 from fbql.cli.output import LiveLine, print_result
 from fbql.replay.recomputation import (
     OutOfPlace,
@@ -214,7 +214,7 @@ def _codec(run: Run, name: str) -> MessageCodec[Any]:
 
 
 def _compared(codec: MessageCodec[Any], value: Any, recorded: bytes) -> _Differs | None:
-    """The first field, in the order in which one follows from the other, whose bits are not as recorded."""
+    """The first field, in causal order, whose bits differ from the recorded ones."""
     if codec.is_ours and codec.encode(value) == recorded:
         return None
     there = codec.decode(recorded)
@@ -232,7 +232,7 @@ _CAUSES = (
     *("observation", "leaf_id", "left_rad_s", "right_rad_s"),
     *("joint_state", "reward", "q", "learned_weights", "weights", "driver"),
 )
-"""Fields in the order in which one follows from another; the others come last."""
+"""Fields in causal order: each may depend on those before it; the others come last."""
 
 
 def _bits(value: Any) -> Any:
@@ -246,11 +246,11 @@ def _bits(value: Any) -> Any:
 
 def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Verifies a run and prints the result. Returns 0 if it is identical, else 1. Raises BadInput, Interrupted."""
-    controller = know_controller(arguments.controller).name if arguments.controller else ""
+    controller = resolve_controller(arguments.controller).name if arguments.controller else ""
     parameters, notes = recorded_parameters(run)
     if controller not in ("", parameters.controller):
         raise BadInput(f"--controller {arguments.controller}: the run's controller is '{parameters.controller}'")
-    behaviors = RecordedBehaviors(run, recorded_trees(run), know_observations(arguments.observation))
+    behaviors = RecordedBehaviors(run, recorded_trees(run), register_observations(arguments.observation))
     session = Session(parameters, recorded_policy(run))
     total = max(run.counts.values(), default=0)
     begun_s = monotonic()
@@ -275,7 +275,7 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
 
 
 def _other_digest(run: Run, found: Verification) -> Difference | None:
-    """The digest in the run's summary, if it differs: then a world state was changed that nothing depended on."""
+    """The digest in the run's summary, if it differs: then a world state that nothing depended on was changed."""
     summary = run.summary
     if not run.is_complete or summary is None or summary.get("digest") == found.digest:
         return None
@@ -311,7 +311,7 @@ def _words(
         for name, count in found.not_recomputed.items()
     ]
     if found.gap is not None:
-        lines.append(f"not compared: from {found.gap} on, before which messages are lost")
+        lines.append(f"not compared: everything from {found.gap} on, because messages before it are lost")
     if found.unfinished:
         lines.append("the last step before the cut is incomplete and was not compared")
     return "\n".join([*lines, *notes])

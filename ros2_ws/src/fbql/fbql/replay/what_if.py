@@ -59,8 +59,8 @@ def _answer(output: BehaviorOutput | None) -> tuple[Any, ...] | None:
     return None if output is None else (output.leaf_id, output.left_rad_s, output.right_rad_s)
 
 
-def compared(run: Run, session: Session, behaviors: Mapping[str, Behavior]) -> Iterator[Compared]:
-    """Every step of a recording, decided by another session.
+def compare_steps(run: Run, session: Session, behaviors: Mapping[str, Behavior]) -> Iterator[Compared]:
+    """Every step of a recording, decided again by another session.
 
     Args:
         session: without a limit on episodes or goals: the recording says when the run ends.

@@ -16,8 +16,8 @@ from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, types_of
-from fbql_fusion.controller_loading import know_controller
-from fbql_fusion.core.parameters import FROM_PRESET, FusionParameters, check_fusion, without_part
+from fbql_fusion.controller_loading import resolve_controller
+from fbql_fusion.core.parameters import FROM_PRESET, FusionParameters, check_fusion, unused_parameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.session import Session
@@ -25,11 +25,11 @@ from fbql_fusion.policy_storage import load_policy
 from fbql_recording import Run
 
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import know_observations
+from fbql.cli.observations import register_observations
 from fbql.cli.output import LiveLine, print_result, writing
-from fbql.match.options import parsed, similar
+from fbql.match.options import parse_value, similar
 from fbql.replay.recomputation import recorded_parameters, recorded_policy
-from fbql.replay.what_if import Compared, DifferenceTally, Tallies, compared
+from fbql.replay.what_if import Compared, DifferenceTally, Tallies, compare_steps
 
 NO_POLICY = "none"
 _PROGRESS_STEPS = 1024
@@ -39,8 +39,9 @@ _ENDLESS = {"episodes": 0, "goals": 0}
 
 
 def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Recomputes a run with what the arguments change, and prints how that differs. Returns 0. Raises BadInput."""
-    controller = know_controller(arguments.controller).name if arguments.controller else ""
+    """Recomputes a run with the changes that the arguments make, and prints the differences. Returns 0. Raises
+    BadInput."""
+    controller = resolve_controller(arguments.controller).name if arguments.controller else ""
     recorded, notes = recorded_parameters(run)
     parameters = _changed(recorded, arguments, controller)
     policy = _policy(run, recorded, parameters, arguments.policy, notes)
@@ -56,7 +57,7 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
         figure = WhatIfFigure(run.behaviors, total)
     with closing(LiveLine()) as line, _table(arguments.csv) as file:
         table = None if file is None else _Table(file, run.behaviors)
-        for index, step in enumerate(compared(run, session, behaviors), 1):
+        for index, step in enumerate(compare_steps(run, session, behaviors), 1):
             tallies.add(step)
             if figure is not None:
                 figure.add(step)
@@ -67,7 +68,7 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
                 line.show(f"{index} of {total} steps")
     if not tallies.whole.steps:
         raise BadInput(f"{run.path}: it has no steps; there is nothing to recompute")
-    notes += without_part(parameters, changes, session.guided > 0)
+    notes += unused_parameters(parameters, changes, session.guided > 0)
     what = ", ".join(f"{name}={now}" for name, (_, now) in changes.items())
     trees = f"trees of {', '.join(behaviors)} from {arguments.trees}" if behaviors else ""
     title = "; ".join(part for part in (what, trees) if part) or "nothing changes"
@@ -100,7 +101,7 @@ def _changed(recorded: FusionParameters, arguments: argparse.Namespace, controll
                 f"--set {setting}: write NAME=VALUE with a parameter of fusion (behaviors, schedule and "
                 f"the world states stay as they were recorded){hint}"
             )
-        values[name] = parsed(text, kinds[name], name)
+        values[name] = parse_value(text, kinds[name], name)
     parameters = from_mapping(fusion_parameters(), values, "fusion")
     check_fusion(parameters, "fusion")
     return parameters
@@ -122,7 +123,7 @@ def _policy(
 
 def _behaviors(run: Run, arguments: argparse.Namespace) -> dict[str, Behavior]:
     """The behaviors that have a tree in the directory of --trees."""
-    sources = know_observations(arguments.observation)
+    sources = register_observations(arguments.observation)
     if arguments.trees is None:
         return {}
     files = {name: arguments.trees / f"{name}.json" for name in run.behaviors}
@@ -185,7 +186,7 @@ def _share(count: int, of: int) -> str:
 
 
 class _Table:
-    """A CSV of all steps: what was recorded beside what would have been."""
+    """A CSV of all steps: recorded beside recomputed values."""
 
     def __init__(self, file: TextIO, behaviors: Sequence[str]) -> None:
         self._writer = csv.writer(file, lineterminator="\n")

@@ -1,1 +1,1 @@
-"""What `fbql report` and `fbql compare` make of recorded runs, and `fbql induce` of an induction: pages and figures."""
+"""Pages and figures: of recorded runs for `fbql report` and `fbql compare`, of an induction for `fbql induce`."""

@@ -26,9 +26,9 @@ from fbql.statistics.inference import Interval, paired_p_value, ratio_of_sums
 
 POLICY = "policy before"
 TREE = "tree of "
-"""Before the name of a behavior."""
+"""Prefix of a behavior's name."""
 MOST_NAMED = 8
-"""Differences that a label names."""
+"""Most differences that a label names."""
 FEW_RUNS = 5
 """With fewer runs than this a bootstrap interval is too narrow."""
 _SEED = "seed"

@@ -1,4 +1,4 @@
-"""The contents of a report: the steps of a run as packed blocks, and everything needed to put them into words."""
+"""The contents of a report: the steps of a run as packed blocks, and everything needed to describe them in words."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ UNIT = 1e-4
 _EXACT = ("q", "reward")
 """Kept as float32: their range is not known."""
 _MOST = 1000
-"""At most this many names of controllers, trees and the like are listed."""
+"""Most names of controllers, trees and other texts that are listed."""
 _DAY_NS = 24 * 3600 * 10**9
 
 

@@ -1,6 +1,6 @@
-"""A run as figures in the manner of the paper's Figs. 10 to 14, as PDF and SVG, with their numbers as CSV.
+"""Figures of a run like the paper's Figs. 10 to 14, as PDF and SVG, with their numbers as CSV.
 
-Each success (goal) of the run is a point: what it took since the one before. Lines are moving averages over
+Each success (goal) of the run is a point: the effort since the previous one. Lines are moving averages over
 `fbql.statistics.courses.WINDOW` successes, beginning with the first full window. Guided episodes are left out.
 """
 
@@ -34,7 +34,8 @@ _LINES = ((BLUE, "-"), (ORANGE, "--"))
 
 
 def course_of(episodes: Sequence[Episode]) -> list[tuple[int, int, int, int]]:
-    """Outcome, steps, collisions begun and steps in contact of each episode that counts and has an end."""
+    """Outcome, steps, collisions begun and steps in contact of each episode that is not guided and was recorded to its
+    end."""
     return [
         (OUTCOMES.index(each.outcome), each.steps, each.collisions_begun or 0, each.collision_steps or 0)
         for each in counted(episodes)

@@ -1,4 +1,5 @@
-"""The report of an induction: one HTML page that stands alone, with what went in, how it went, and the tree explained.
+"""The report of an induction: one self-contained HTML page, with the input, the course of the induction, and the tree
+explained.
 
 The page holds no clock and no path of this machine: the same induction gives the same page, byte for byte.
 """
@@ -44,7 +45,7 @@ i.swatch { display: inline-block; width: 12px; height: 12px; border-radius: 3px;
 
 @dataclass(frozen=True)
 class Induction:
-    """All that a report tells of."""
+    """Everything that a report shows."""
 
     tree: Tree
     patterns: Patterns
@@ -54,11 +55,11 @@ class Induction:
     method: str
     objective: str
     value: float
-    """The value of the root as the method has it [nat]: learned values may still be too high."""
+    """The value of the root according to the method [nat]: learned values may still be too high."""
     worth: float
-    """What the tree really is worth [nat]."""
+    """The true value of the tree [nat]."""
     optimum: float
-    """What the best tree of half-splits is worth [nat]."""
+    """The value of the best tree of half-splits [nat]."""
     rmse: float | None
     """Held-out error [levels]."""
     training_rmse: float
@@ -81,7 +82,7 @@ def induction_page(induction: Induction) -> str:
             _tiles(induction),
             "<h2>The tree</h2>",
             "<p>Each rectangle is a leaf, in the colour of what the robot does there; the dots are the patterns. "
-            "Point at a leaf to read its rule.</p>",
+            "Hover over a leaf to read its rule.</p>",
             partition_svg(tree, induction.patterns.x),
             _course(induction),
             "<h2>Leaves</h2>",
@@ -91,7 +92,7 @@ def induction_page(induction: Induction) -> str:
             "<h2>Parameters</h2>",
             _table(("parameter", "value"), ((name, _value(value)) for name, value in sorted(tree.origin.items()))),
             "<h2>As JSON</h2>",
-            "<p>The tree file: what the behavior's node reads, and all that this page tells of the tree.</p>",
+            "<p>The tree file: what the behavior's node reads, and the source of everything that this page shows of the tree.</p>",
             f"<details><summary>{len(text)} characters</summary><pre>{escape(text)}</pre></details>",
         )
     )
@@ -101,7 +102,7 @@ def induction_page(induction: Induction) -> str:
 
 def _tiles(induction: Induction) -> str:
     rmse = induction.rmse
-    held_out = ("n/a", "held-out error: it takes two demonstrations")
+    held_out = ("n/a", "held-out error: needs two demonstrations")
     if rmse is not None:
         held_out = (f"{rmse:.2f} levels", f"held-out error of the wheels, {rad_s_of(rmse):.1f} rad/s")
     worth = f"; the tree is worth {_nat(induction.worth)}, the best one {_nat(induction.optimum)}"
@@ -118,11 +119,11 @@ def _tiles(induction: Induction) -> str:
 
 
 def _course(induction: Induction) -> str:
-    """How the method came to its tree."""
+    """How the method arrived at its tree."""
     if induction.curve:
         points = [(float(trial), value) for trial, value in enumerate(induction.curve, start=1)]
         figure = curve_svg("Learning", points, "trial", "value of the root [nat]", ("optimum", induction.optimum))
-        above = " It begins above that, because splits that were not yet tried are hoped for."
+        above = " It begins above that, because untried splits start with optimistic values."
         return (
             "<h2>Learning curve</h2>\n<p>The value of the root as learned after each trial. The dashed line is what "
             "dynamic programming finds over the same regions."
@@ -131,10 +132,10 @@ def _course(induction: Induction) -> str:
     if induction.tried:
         points = [(float(leaves), error) for leaves, error in sorted(induction.tried.items())]
         figure = curve_svg("Cross-validation", points, "leaves", "held-out error [levels]", doubling=True)
-        return f"<h2>Choice of the size</h2>\n<p>The held-out error by number of leaves; the size with the smallest was taken.</p>\n{figure}"
+        return f"<h2>Choice of size</h2>\n<p>The held-out error by number of leaves; the size with the smallest was taken.</p>\n{figure}"
     text = "The values were computed exactly, by dynamic programming: there is no learning curve."
     if induction.method == "cart":
-        text = "CART grew the tree best split first to the number of leaves that was asked for; it splits anywhere."
+        text = "CART grew the tree best split first, to the requested number of leaves; it may split at any value."
     return f"<h2>Method</h2>\n<p>{text}</p>"
 
 

@@ -1,6 +1,6 @@
-"""The report of a run: one HTML page that stands alone and makes no network request.
+"""The report of a run: one self-contained HTML page that makes no network request.
 
-Its security policy tells the browser so too: no request is allowed, and no script but the page's own runs.
+Its security policy makes the browser enforce this: no request is allowed, and no script but the page's own runs.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def write_page(run: Run, out: TextIO, progress: Callable[[int], None]) -> Conten
 
 
 def _hash(text: str) -> str:
-    """A script or style as a security policy names it."""
+    """A script's or style's hash as a security policy writes it."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 
@@ -135,7 +135,7 @@ def _controllers(contents: Contents) -> str:
 
 
 def _senses(contents: Contents) -> str:
-    """What the features in the rules mean, as far as they are ours."""
+    """What the features in the rules mean, where they are features of this project."""
     names = {feature.name for tree in contents.trees.values() for feature in tree.features}
     known = [
         f"<div><dt>{name.replace('_', ' ')}</dt><dd>{FEATURES[name]}</dd></div>" for name in FEATURES if name in names
@@ -161,7 +161,7 @@ def _layers(run: Run) -> str:
         "approaching": f"the ball-to-goal line is more than {approach_rad:.4g} rad ({_degrees(approach_rad)}) off",
     }
     layers = [
-        f"<li>{html(name)}: when {triggers.get(name, 'what it senses is inside its tree')}</li>"
+        f"<li>{html(name)}: when {triggers.get(name, 'its observation lies inside the root region of its tree')}</li>"
         for name in parameters.layers
         if name in parameters.behaviors
     ]
@@ -212,7 +212,7 @@ def _about(contents: Contents, digests: Mapping[str, str]) -> str:
         ("steps in the recording", contents.steps),
         ("complete", run.is_complete),
     ]
-    parts = [_facts("What it was made with", facts)]
+    parts = [_facts("Origin", facts)]
     parts.append(_facts("SHA-256 of the files", digests.items(), code=True))
     parts.append(
         _facts("Hashes of the trees", ((_tree_name(contents, each), each) for each in contents.tree_hashes), True)
@@ -257,7 +257,7 @@ def _precision() -> str:
     """How the numbers on the page are rounded."""
     return (
         f"<p>Numbers on this page come from the recording, rounded to 0.1 mm, 0.1 mm/s, {UNIT:g} rad, {UNIT:g} rad/s, "
-        f"{UNIT:g} of a weight and 0.1 ms; Q and rewards to 7 digits. What was not recorded is {NOT_AVAILABLE}. The "
+        f"{UNIT:g} of a weight and 0.1 ms; Q and rewards to 7 digits. Anything that was not recorded is {NOT_AVAILABLE}. The "
         "arrows in the field, where the robot would go in the next quarter of a second, are computed from the wheel velocities. "
         "The field's lines and the sizes of robot and ball are those of the project that wrote this page.</p>"
     )

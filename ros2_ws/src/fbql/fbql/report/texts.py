@@ -22,11 +22,11 @@ CONTROLLERS = {
     "fbql_literal": "All behaviors drive together: the command is the sum of their references, each times its weight. The "
     "weights belong to the joint state (the leaves of all behaviors) and change by the paper's equations 5 and 6.",
     "fbql": "One behavior drives alone for some steps (fbql_hold_steps); it is chosen by learned weights, which depend on "
-    'the joint state (the leaves of all behaviors) and on what is sensed. "weight" is the choice: 1 for who drives. It '
+    'the joint state (the leaves of all behaviors) and on what is sensed. "weight" shows the choice: 1 for the behavior that drives. It '
     "learns no Q.",
     "fbql_value": "One behavior drives alone for some steps (fbql_value_hold_steps); it is chosen by weights that follow Q, the "
     "learned value of each behavior, which depends on the joint state (the leaves of all behaviors) and on what is sensed. "
-    '"weight" is the choice: 1 for who drives.',
+    '"weight" shows the choice: 1 for the behavior that drives.',
 }
 """What a controller does, for a reader who only knows the paper; by the name in a decision."""
 
@@ -55,7 +55,7 @@ def html(text: object) -> str:
 
 
 def value_text(value: object, depth: int = 0) -> str:
-    """A value of a parameter as a text, cut to a few items and levels: YAML can nest without end."""
+    """A value of a parameter as a text, cut to a few items and levels: YAML can nest without limit."""
     if value is None:
         return NOT_AVAILABLE
     if isinstance(value, bool):

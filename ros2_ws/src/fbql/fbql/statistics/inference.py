@@ -1,4 +1,4 @@
-"""Confidence intervals and tests over runs: what holds for the mean over seeds, not for one lucky seed.
+"""Confidence intervals and tests over runs: statements about the mean over seeds, not about one lucky seed.
 
 Bootstraps and permutation tests draw from a generator with a fixed seed, so that a table repeats bit for bit.
 """

@@ -22,7 +22,7 @@ class Table(NamedTuple):
 
 
 def tabulate(rows: Iterable[Row], columns: Mapping[str, Callable[[Row], str]]) -> Table:
-    """A table with a line for each row; `columns` maps each column's head to what writes its cells."""
+    """A table with a line for each row; `columns` maps each column's head to the function that writes its cells."""
     return Table(list(columns), [[write(row) for write in columns.values()] for row in rows])
 
 

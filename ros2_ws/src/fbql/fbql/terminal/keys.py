@@ -7,7 +7,7 @@ from enum import Enum, auto
 
 
 class Key(Enum):
-    """What a person asks for."""
+    """What a key press requests."""
 
     FASTER = auto()
     SLOWER = auto()
@@ -34,7 +34,7 @@ _CHARACTERS = {
     b"q": Key.FINISH,
 }
 _ARROWS = {b"A": Key.FASTER, b"B": Key.SLOWER, b"C": Key.RIGHT, b"D": Key.LEFT}
-"""Last byte of an arrow key's sequence (ECMA-48, as every terminal of today sends it)."""
+"""Last byte of an arrow key's sequence (ECMA-48, as all current terminals send it)."""
 _SEQUENCE = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]|O.|[^\[O\x1b])", re.DOTALL)
 """A whole escape sequence: CSI with parameters, SS3 and one byte, or Alt and one byte."""
 _BEGUN = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*|O)?\Z")

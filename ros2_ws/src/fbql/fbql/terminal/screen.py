@@ -1,7 +1,7 @@
-"""The terminal: taken over to give every key at once and to be drawn on, and given back as it was, whatever happens.
+"""The terminal: taken over to read every key immediately and to be drawn on, and always restored to its previous state.
 
-It is opened anew, as a file description of our own that never blocks: a terminal that does not take what is drawn (one that
-is gone, or hangs) keeps nobody from saving what was demonstrated.
+It is opened again as a separate non-blocking file description: a terminal that accepts no output (because it is gone
+or hangs) then cannot prevent the demonstrations from being saved.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ Line = list[Span]
 _TAKE = "\x1b[?1049h\x1b[?25l\x1b[?7l\x1b[2J"
 """Alternate screen, no cursor, no wrapping at the edge, all blank."""
 _TOGETHER, _SHOWN = "\x1b[?2026h", "\x1b[?2026l"
-"""What is between them appears at once, in terminals that know it; the others skip it."""
+"""Synchronized output: text between them appears at once in terminals that support it; others ignore it."""
 _GIVE_BACK = "\x1b[?2026l\x1b[m\x1b[?7h\x1b[?25h\x1b[?1049l"
 _WITHOUT_BRAILLE = ("linux", "vt", "ansi")
 """Beginnings of the names of terminals that have no braille patterns."""
 _MOST_BYTES = 4096
 _LAST_WRITE_S = 0.5
-"""How long giving back waits for a slow terminal [s]."""
+"""How long restoring waits for a slow terminal [s]."""
 
 
 def text_of(line: Line, colour: bool) -> str:
@@ -48,16 +48,17 @@ def text_of(line: Line, colour: bool) -> str:
 def trouble_with_terminal() -> str | None:
     """Why standard input's terminal can't be drawn on; None when it can."""
     if not os.isatty(0):
-        return "standard input is none; start it in a terminal"
+        return "standard input is not one; start it in a terminal"
     name = os.environ.get("TERM", "")
     return f"TERM is '{name}'; start it in another" if name in ("", "dumb", "unknown") else None
 
 
 class RawTerminal:
-    """The terminal that is standard input, between `with` and its end: every key comes at once, and none is echoed.
+    """The terminal that is standard input, between `with` and its end: every key arrives immediately, and none is
+    echoed.
 
-    Ctrl-Z gives it back until the process continues; Ctrl-C stays a signal. In the background it is not taken: the shell has
-    it then, until `fg`. Raises OSError when standard input is no terminal, or one that can't be opened.
+    Ctrl-Z restores it until the process continues; Ctrl-C remains a signal. In the background it is not taken over: the
+    shell has it then, until `fg`. Raises OSError when standard input is not a terminal, or one that can't be opened.
     """
 
     def __init__(self) -> None:
@@ -84,7 +85,7 @@ class RawTerminal:
         return self._fd
 
     def take(self) -> bool:
-        """Takes the terminal over, unless the process is in the background. Whether it is taken."""
+        """Takes the terminal over, unless the process is in the background. Returns whether it is taken over."""
         if self.taken or self.gone:
             return not self.gone
         with suppress(OSError):  # not our controlling terminal: nobody shares it with us
@@ -121,7 +122,7 @@ class RawTerminal:
         return data
 
     def stopped(self) -> bool:
-        """Lets the process be stopped if that was asked for (Ctrl-Z), with the terminal given back meanwhile.
+        """Lets the process be stopped if that was requested (Ctrl-Z), with the terminal restored meanwhile.
 
         True when it was stopped and now continues.
         """
@@ -129,14 +130,14 @@ class RawTerminal:
             return False
         self._stop_asked = False
         self.give_back()
-        # By the signal's own effect: it spares a process that nobody could wake again.
+        # Relies on the signal's default effect, which spares a process that nobody could wake again.
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
         os.kill(os.getpid(), signal.SIGTSTP)
         signal.signal(signal.SIGTSTP, self._note_stop)
         return True
 
     def _set_mode(self) -> None:
-        """Every key at once, and nothing that would swallow one, or hold the screen."""
+        """Sets the mode: every key immediately, and nothing that would swallow one or stop the output."""
         mode = termios.tcgetattr(self._fd)
         mode[0] &= ~(termios.IXON | termios.ICRNL)
         mode[3] &= ~(termios.ICANON | termios.ECHO)
@@ -151,11 +152,12 @@ class RawTerminal:
 
 
 class Screen(RawTerminal):
-    """A terminal to draw pages on. Raises BadInput when standard input is no terminal, or one that can't be drawn on."""
+    """A terminal to draw pages on. Raises BadInput when standard input is not a terminal, or one that can't be drawn
+    on."""
 
     def __init__(self, ascii_only: bool = False) -> None:
         if trouble := trouble_with_terminal():
-            raise BadInput(f"a terminal is needed that can be drawn on: {trouble}")
+            raise BadInput(f"an interactive terminal is needed: {trouble}")
         try:
             super().__init__()
         except OSError as error:
@@ -163,7 +165,7 @@ class Screen(RawTerminal):
         name = os.environ["TERM"]
         unicode = codecs.lookup(locale.nl_langinfo(locale.CODESET) or "ascii").name == "utf-8"
         self.ascii_only = ascii_only or not unicode or name.startswith(_WITHOUT_BRAILLE)
-        """Whether nothing but ASCII is to be drawn."""
+        """Whether to draw only ASCII."""
         self._colour = not os.environ.get("NO_COLOR")
         self._decoder = KeyDecoder()
         self._waiting = b""
@@ -204,7 +206,7 @@ class Screen(RawTerminal):
         self._flush()
 
     def take(self) -> bool:
-        """Takes the terminal over and blanks it. Whether it is taken."""
+        """Takes the terminal over and blanks it. Returns whether it is taken over."""
         if not self.taken and super().take():
             self._shown = []
             self._waiting = _TAKE.encode()
@@ -212,7 +214,7 @@ class Screen(RawTerminal):
         return self.taken
 
     def give_back(self) -> None:
-        """Leaves the terminal as it was before. What is still to be drawn is not; a slow terminal is given a moment."""
+        """Restores the terminal. Pending output is dropped; a slow terminal is given a moment."""
         if self.taken:
             self._waiting = _GIVE_BACK.encode()
             self._flush(_LAST_WRITE_S)

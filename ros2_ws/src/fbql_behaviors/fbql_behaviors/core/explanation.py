@@ -79,7 +79,7 @@ def rules(tree: Tree) -> tuple[Rule, ...]:
     )
 
 
-def explained(tree: Tree) -> str:
+def describe_tree(tree: Tree) -> str:
     """The whole tree: one line per leaf, with its leaf_id and rule."""
     width = len(str(tree.leaf_count - 1))
     return "\n".join(f"leaf {rule.leaf_id:>{width}}: {rule.sentence}" for rule in rules(tree))

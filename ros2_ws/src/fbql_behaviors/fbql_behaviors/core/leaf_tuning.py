@@ -39,14 +39,14 @@ class TuningParameters:
     """How the leaves of a tree are tuned."""
 
     episodes: int = parameter(4000, "episodes that are driven", low=1, high=10_000_000)
-    max_change: int = parameter(1, "a leaf's levels change by at most so many", unit="levels", low=1, high=5)
+    max_change: int = parameter(1, "largest change of a leaf's level", unit="levels", low=1, high=5)
     discount: float = parameter(1.0, "gamma, per step", low=0.0, high=1.0)
-    credit_steps: int = parameter(40, "a decision is judged by what follows in at least so many steps", low=1)
-    hold_steps: int = parameter(60, "in a leaf that is not left a decision is made again after so many steps", low=1)
-    learning_rate: float = parameter(0.003, "alpha does not fall below; before, it is 1 / updates", low=0.0, high=1.0)
+    credit_steps: int = parameter(40, "fewest steps after a decision by which it is judged", low=1)
+    hold_steps: int = parameter(60, "steps after which a new decision is made if the leaf was not left", low=1)
+    learning_rate: float = parameter(0.003, "lowest alpha; until then it is 1 / updates", low=0.0, high=1.0)
     epsilon_start: float = parameter(0.2, "share of random decisions in the first episode", low=0.0, high=1.0)
     epsilon_end: float = parameter(0.05, "share of random decisions in the last episode", low=0.0, high=1.0)
-    min_updates: int = parameter(20, "a change that was tried less often is not made", low=0)
+    min_updates: int = parameter(20, "fewest tries after which a change is made", low=0)
 
 
 TUNINGS = {"wall_avoiding": TuningParameters(episodes=400, discount=0.99)}

@@ -73,7 +73,7 @@ class Patterns:
         if len(bad):
             row, column = int(bad[0, 0]), int(bad[0, 1])
             name = self.features[column].name
-            raise BadInput(f"pattern row {row}: feature '{name}' is {self.x[row, column]}; remove or mend the row")
+            raise BadInput(f"pattern row {row}: feature '{name}' is {self.x[row, column]}; remove or correct the row")
         bad = np.flatnonzero((self.wheel_class < 0) | (self.wheel_class >= CLASS_COUNT))
         if len(bad):
             row = bad[0]
@@ -97,7 +97,7 @@ class Patterns:
         return digest.hexdigest()
 
     def warnings(self) -> list[str]:
-        """Warnings, one line each, about patterns that a tree can be made from but that look wrong."""
+        """Warnings, one line each, about patterns that can be used but look wrong."""
         if len(self) == 1:
             return ["there is one pattern only: the tree will be a single leaf"]
         _, counts = np.unique(self.wheel_class, return_counts=True)
@@ -111,8 +111,8 @@ class Patterns:
         unseen = self._count_shown_once()
         if unseen > UNSEEN_SHARE * len(self):
             warnings.append(
-                f"{unseen} of {len(self)} patterns are of classes that one demonstration alone shows: "
-                "where it is held out they are unseen; demonstrate more"
+                f"{unseen} of {len(self)} patterns are of classes that occur in only one demonstration: "
+                "when that one is held out they are unseen; record more demonstrations"
             )
         for column, feature in enumerate(self.features):
             if self.x[:, column].min() == self.x[:, column].max():

@@ -17,7 +17,7 @@ class Recipe:
     """How the tree of one behavior is made."""
 
     induction: InductionParameters = field(default_factory=InductionParameters)
-    """The induction of the tree that ships."""
+    """The induction of the shipped tree."""
     printed: InductionParameters = PRINTED
     """The induction with the objective as printed, which needs other limits to make a tree of the same size."""
     demonstrations: int = 100

@@ -217,12 +217,12 @@ def _check_nodes(tree: Tree) -> list[int]:
             if not 0 <= node < len(tree.leaves):
                 raise BadInput(f"node {index}: leaf_id {node} is outside of 0 .. {len(tree.leaves) - 1}")
             if leaf_seen[node]:
-                raise BadInput(f"node {index}: leaf_id {node} stands in two nodes")
+                raise BadInput(f"node {index}: leaf_id {node} appears in two nodes")
             leaf_seen[node] = True
     if len(order) < len(tree.nodes):
         raise BadInput(f"node {visited.index(False)} is not reached from the root")
     if not all(leaf_seen):
-        raise BadInput(f"leaf_id {leaf_seen.index(False)} stands in no node")
+        raise BadInput(f"leaf_id {leaf_seen.index(False)} appears in no node")
     return order
 
 

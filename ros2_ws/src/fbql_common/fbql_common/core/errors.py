@@ -14,7 +14,7 @@ class BadInput(ValueError):
 
 
 def in_one_line(error: BaseException, file: str = "") -> str:
-    """An error of a user's code in one line, with the last line of that file that took part, if any did."""
+    """An error of a user's code in one line, with the last line of that file in the traceback, if there is one."""
     if isinstance(error, SyntaxError):
         return f"{type(error).__name__} in line {error.lineno}: {error.msg}"
     lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == file]

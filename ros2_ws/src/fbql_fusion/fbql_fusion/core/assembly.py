@@ -1,7 +1,7 @@
-"""Puts together what belongs to one step: the world state and every behavior's answer to it.
+"""Assembles the messages of one step: the world state and every behavior's answer to it.
 
-Messages arrive in any order, twice, late or not at all; a step is decided once, and only with what belongs to it.
-What belongs to a step carries its stamp.
+Messages arrive in any order, twice, late or not at all; a step is decided once, and only from its own messages.
+Every message of a step carries its stamp.
 """
 
 from __future__ import annotations
@@ -12,25 +12,25 @@ from enum import Enum
 from fbql_common.core.types import BehaviorOutput, World
 
 _MAX_STEPS = 16
-"""Steps that are put together at the same time; in lockstep there is one."""
+"""Steps that are assembled at the same time; in lockstep there is one."""
 MAX_GAP_STEPS = 600
-"""World states that may be missing in a row (10 s at 60 Hz): one farther ahead is none of this episode."""
+"""World states that may be missing in a row (10 s at 60 Hz): one farther ahead does not belong to this episode."""
 
 
 class Arrival(Enum):
-    """What a world state is to the episode under way."""
+    """How a world state relates to the episode in progress."""
 
     NEW = "new"
     WAITING = "waiting"
-    """It came before, and some behavior has not answered it yet."""
+    """It arrived before, and some behavior has not answered it yet."""
     DECIDED = "decided"
-    """Its step was decided already: the command got lost, repeat it."""
+    """Its step was already decided: the command was lost, so repeat it."""
     FOREIGN = "foreign"
     """Of an older step, of one far ahead, of another episode, or of an episode whose beginning was missed."""
 
 
 class Step:
-    """What has come of one step: bytes beside what they mean, None and b"" for what has not come."""
+    """What has arrived for one step: decoded values and their bytes; None and b"" where nothing has arrived."""
 
     __slots__ = ("data", "outputs", "world", "world_data")
 
@@ -44,7 +44,7 @@ class Step:
 class StepAssembly:
     """Collects the messages of the steps that are not decided yet.
 
-    Every behavior is waited for, from the beginning on until `drop_missing`, and again from its next answer in time on.
+    Every behavior is waited for from the start until `drop_missing`, and again after its next timely answer.
     """
 
     def __init__(self, behaviors: Sequence[str]) -> None:
@@ -54,14 +54,14 @@ class StepAssembly:
         self._anywhere = False
         self._decided: World | None = None
         self._newest_step = 0
-        """The newest world state of the episode that was taken, decided or not."""
+        """The newest accepted world state of the episode, decided or not."""
         self._steps: dict[int, Step] = {}
 
     def begin(self, episode: int, anywhere: bool = False) -> None:
-        """An episode was asked for: only its world states count from here on.
+        """An episode was requested: only its world states count from here on.
 
         They count from step 0 on, since an earlier run may have left the simulator in an episode of the same number;
-        `anywhere`: from the first one that comes, since step 0 got lost before.
+        `anywhere`: from the first one that arrives, because step 0 was lost before.
         """
         self._episode = episode
         self._anywhere = anywhere
@@ -70,7 +70,7 @@ class StepAssembly:
         self._steps.clear()
 
     def add_world(self, world: World, data: bytes) -> Arrival:
-        """Takes a world state that is new; tells what it is."""
+        """Adds a world state if it is new; returns how it relates to the episode."""
         decided = self._decided
         if world.episode != self._episode:
             return Arrival.FOREIGN
@@ -92,7 +92,7 @@ class StepAssembly:
         return Arrival.NEW
 
     def add_output(self, index: int, output: BehaviorOutput, data: bytes) -> None:
-        """Takes a behavior's answer. One to an older step than the last decided is too late and counts for nothing."""
+        """Adds a behavior's answer. An answer to a step older than the last decided one is too late and is ignored."""
         decided = self._decided
         if output.episode != self._episode or (decided is not None and output.stamp_ns < decided.stamp_ns):
             return
@@ -125,7 +125,7 @@ class StepAssembly:
         return [self._names[index] for index, output in enumerate(outputs) if output is None]
 
     def drop_missing(self) -> list[str]:
-        """Waits no longer for the behaviors that have not answered the oldest world state; gives their names."""
+        """Stops waiting for the behaviors that have not answered the oldest world state; returns their names."""
         dropped: list[str] = []
         missing = self.missing()
         for index, name in enumerate(self._names):
@@ -135,7 +135,7 @@ class StepAssembly:
         return dropped
 
     def decided(self, step: Step) -> None:
-        """A step is done. So are those before it: they are never decided."""
+        """Marks a step as decided, and drops those before it: they are never decided."""
         world = step.world
         if world is None:
             raise ValueError("a step without a world state can't be decided")

@@ -21,14 +21,15 @@ class Blend(NamedTuple):
     weights: tuple[float, ...]
     """0 where a behavior did not answer; they sum to 1, or are all 0 where none answered."""
     rejected: bool
-    """The weights given were no weights, and uniform ones took their place."""
+    """The given weights were unusable, and uniform ones replaced them."""
 
 
 def blend(weights: Sequence[float], outputs: Sequence[BehaviorOutput | None]) -> Blend:
     """sum_i w_i ref_a_i for the left and the right wheel, at most the wheels' full velocity.
 
     Weights of behaviors that did not answer are shared among the others in proportion. Weights of a wrong number,
-    or that are not finite, are rejected: the behaviors that answered then weigh the same. Nobody answered: 0, 0.
+    or that are not finite, are rejected: the behaviors that answered then weigh the same. If no behavior answered, the
+        command is 0, 0.
 
     Args:
         weights: w_i, length n.
@@ -82,7 +83,7 @@ def live_weights(weights: Sequence[float], live: Sequence[bool]) -> tuple[tuple[
 
 
 def limited(wheel_rad_s: float) -> float:
-    """A wheel velocity that the wheels can turn at [rad/s]. A blend of such references needs no limit."""
+    """A wheel velocity limited to what the wheels can reach [rad/s]. A blend of limited references needs no limit."""
     if wheel_rad_s > MAX_WHEEL_RAD_S:
         return MAX_WHEEL_RAD_S
     if wheel_rad_s < -MAX_WHEEL_RAD_S:

@@ -1,4 +1,4 @@
-"""Everything that fusion can be told, as one flat set of names, and which of it plays a part with which controller."""
+"""All parameters of fusion as one flat set of names, and which of them each controller uses."""
 
 from __future__ import annotations
 
@@ -31,27 +31,27 @@ __all__ = [
     "Thresholds",
     "check_fusion",
     "guided_episodes",
-    "without_part",
+    "unused_parameters",
 ]
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 GUIDE = "subsumption"
-"""Who drives the guided episodes."""
+"""The controller that drives the guided episodes."""
 
 
 @dataclass(frozen=True)
 class FusionParameters(FbqlValueParameters, FbqlParameters, LiteralParameters, SubsumptionParameters):
-    """The parameters of the session, of Subsumption and of every learner. Each is declared by who uses it, and
-    `Limits.owners` names these. `docs/deviations.md` says which of them the paper leaves open."""
+    """The parameters of the session, of Subsumption and of every learner. Each is declared by the part that uses it,
+    and `Limits.owners` names these parts. `docs/deviations.md` lists which of them the paper leaves open."""
 
     @property
     def collision_reward(self) -> float:
-        """The reward of a collision in force: a controller's own, NAME_reward_collision, or the one shared by the rest."""
+        """The reward of a collision in force: a controller's own, NAME_reward_collision, or else the shared one."""
         return getattr(self, f"{self.controller}_reward_collision", self.reward_collision)
 
 
 def check_fusion(parameters: FusionParameters, where: str) -> None:
-    """Raises BadInput naming the first parameter that is wrong by itself or beside the others."""
+    """Raises BadInput naming the first parameter that is wrong by itself or in combination with others."""
     check(parameters, where)
     names = parameters.behaviors
     if not names:
@@ -75,7 +75,7 @@ def check_fusion(parameters: FusionParameters, where: str) -> None:
     for name in parameters.layers:
         if name not in known:
             raise BadInput(
-                f"{where}: parameter 'layers' has '{name}', which is none of the behaviors ({', '.join(names)}); "
+                f"{where}: parameter 'layers' has '{name}', which is not one of the behaviors ({', '.join(names)}); "
                 "correct its spelling or remove it"
             )
     if not set(parameters.layers) & set(names):
@@ -96,11 +96,11 @@ def guided_episodes(parameters: SessionParameters, learning: bool, has_policy: b
     return parameters.guided if parameters.guided >= 0 else own
 
 
-def without_part(parameters: FusionParameters, given: Collection[str], guided: bool) -> Iterator[str]:
-    """A line for each parameter that was given but plays no part with the controller in force.
+def unused_parameters(parameters: FusionParameters, given: Collection[str], guided: bool) -> Iterator[str]:
+    """A line for each parameter that was given but has no effect with the controller in force.
 
     Args:
-        given: names of parameters; others than fusion's are left out.
+        given: names of parameters; those that are not fusion's are ignored.
         guided: whether there are guided episodes, in which Subsumption drives.
     """
     controller = parameters.controller
@@ -112,9 +112,9 @@ def without_part(parameters: FusionParameters, given: Collection[str], guided: b
         own = [f"{controller}_{stem}" for stem in _stems(name, owners) if f"{controller}_{stem}" in every]
         if not owners:
             if own and own[0] != name:
-                yield f"{name} plays no part: the controller is {controller}, whose own is {own[0]}"
+                yield f"{name} has no effect: the controller is {controller}, whose own is {own[0]}"
         elif controller not in owners and not (guided and GUIDE in owners):
-            belongs = f"{name} plays no part: it belongs to {' and '.join(owners)},"
+            belongs = f"{name} has no effect: it belongs to {' and '.join(owners)},"
             if GUIDE in owners:
                 yield f"{belongs} the controller is {controller}, and no episode is guided"
             else:
@@ -122,5 +122,5 @@ def without_part(parameters: FusionParameters, given: Collection[str], guided: b
 
 
 def _stems(name: str, owners: Collection[str]) -> list[str]:
-    """What a parameter is called without the name of its owner, and as a whole."""
+    """A parameter's name without its owner's name, and its full name."""
     return [*(name.removeprefix(f"{owner}_") for owner in owners if name.startswith(f"{owner}_")), name]

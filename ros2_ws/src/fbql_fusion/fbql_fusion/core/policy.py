@@ -1,4 +1,4 @@
-"""What a controller has learned, with all that says where it may be used."""
+"""What a controller has learned, together with the behaviors and trees that it belongs to."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 class Policy(NamedTuple):
-    """Learned values. They mean something only together with the behaviors and trees they were learned with."""
+    """Learned values. They are meaningful only together with the behaviors and trees they were learned with."""
 
     kind: str
     """The controller that learned it, as `Learner.kind`."""
@@ -20,4 +20,4 @@ class Policy(NamedTuple):
     leaf_counts: tuple[int, ...]
     """Length n: number of leaves of each behavior's tree."""
     arrays: Mapping[str, NDArray[Any]]
-    """What was learned; names, shapes and types are the controller's own."""
+    """The learned arrays; names, shapes and types are up to the controller."""

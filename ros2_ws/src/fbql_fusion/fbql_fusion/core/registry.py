@@ -2,8 +2,8 @@
 
     register_controller("greedy", Greedy)
 
-`Greedy(parameters, generator)` gives a `Controller` or a `Learner` (`controllers.interface`). Where it declares parameters
-of its own, `--set`, config.yaml and the fusion node take them like all others.
+`Greedy(parameters, generator)` returns a `Controller` or a `Learner` (`controllers.interface`). If it declares its own
+parameters, `--set`, config.yaml and the fusion node accept them like all others.
 """
 
 from __future__ import annotations
@@ -43,23 +43,24 @@ _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 class _Registered(NamedTuple):
     factory: Factory
     parameters: type[Any] | None
-    """The dataclass of its parameters, which the factory gets one of; None: it gets all of fusion's."""
+    """The dataclass of its parameters, an instance of which is passed to the factory; None: the factory gets all of
+    fusion's."""
 
 
 _registered: dict[str, _Registered] = {}
 
 
 def register_controller(name: str, factory: Factory, parameters: type[Any] | None = None) -> None:
-    """Makes a controller known by a name. One that was registered under this name before is replaced.
+    """Registers a controller under a name. A controller registered under this name before is replaced.
 
     Args:
         name: letters, digits and underscores.
-        factory: makes it; a class will do.
+        factory: creates it, such as a class.
         parameters: the declaration of its own parameters, a frozen dataclass of `parameter(...)` fields that inherits
             from `SessionParameters`; by default the attribute `Parameters` of the factory, if it has one.
 
     Raises:
-        BadInput: a name that can't be used, a factory that is none, or a declaration that can't be used.
+        BadInput: a name, a factory or a declaration that can't be used.
     """
     where = f"controller '{name}'"
     if not _NAME.fullmatch(name):
@@ -99,7 +100,7 @@ def fusion_parameters() -> type[FusionParameters]:
 
 
 def make_controller(parameters: FusionParameters) -> Controller:
-    """The controller that the parameters name, with a random stream of its own from the run's seed."""
+    """The controller that the parameters name, with its own random stream from the run's seed."""
     name = parameters.controller
     generator = np.random.default_rng(np.random.SeedSequence(parameters.seed, spawn_key=(0,)))
     if name in _OURS:
@@ -120,7 +121,7 @@ def learns(parameters: FusionParameters) -> bool:
 
 
 def _check_declaration(declaration: Any, name: str, where: str) -> None:
-    """Raises BadInput where a declaration can't be added to fusion's parameters."""
+    """Raises BadInput if a declaration can't be added to fusion's parameters."""
     if not (isinstance(declaration, type) and dataclasses.is_dataclass(declaration)):
         raise BadInput(f"{where}: its Parameters must be a dataclass of parameter(...) fields")
     undeclared = [field.name for field in dataclasses.fields(declaration) if "limits" not in field.metadata]
@@ -144,7 +145,7 @@ def _check_declaration(declaration: Any, name: str, where: str) -> None:
 
 
 def _owned(field: dataclasses.Field[Any], owners: tuple[str, ...]) -> Any:
-    """A copy of a field that knows whose it is."""
+    """A copy of a field with its owner."""
     metadata = {"limits": field.metadata["limits"]._replace(owners=owners)}
     if field.default_factory is not dataclasses.MISSING:
         return dataclasses.field(default_factory=field.default_factory, metadata=metadata)

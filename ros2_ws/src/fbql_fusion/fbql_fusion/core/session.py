@@ -36,7 +36,7 @@ _INF = float("inf")
 
 @dataclass
 class Rejections:
-    """How often something was not acted on, and why."""
+    """Counts of rejected inputs, by reason."""
 
     leaf_ids: int = 0
     """Answers with a leaf_id outside of 0 .. leaf_count - 1."""
@@ -45,15 +45,15 @@ class Rejections:
     trees: int = 0
     """Answers from another tree than the behavior's first."""
     weights: int = 0
-    """Weights of a wrong number or not finite: uniform ones took their place."""
+    """Weights of a wrong number or not finite, which uniform ones replaced."""
 
     @property
     def total(self) -> int:
-        """All of them."""
+        """The sum of all counts."""
         return self.leaf_ids + self.references + self.trees + self.weights
 
     def __str__(self) -> str:
-        """Those that happened, in words."""
+        """The counts above 0, in words."""
         words = {
             "answers with a leaf that the tree does not have": self.leaf_ids,
             "answers with a reference that is not finite": self.references,
@@ -64,7 +64,7 @@ class Rejections:
 
 
 def episode_seed(run_seed: int, episode: int) -> int:
-    """The seed of an episode, 0 .. 2^63 - 1: the same whatever happened in the episodes before."""
+    """The seed of an episode, 0 .. 2^63 - 1: independent of the episodes before."""
     return int(np.random.SeedSequence([run_seed, episode]).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
@@ -127,7 +127,7 @@ class Session:
         return self._steps
 
     def summary(self, wall_s: float | None = None, messages_recorded: int = 0, incomplete: bool = False) -> Summary:
-        """The result so far, with what only the caller knows."""
+        """The result so far, including what only the caller knows."""
         return summarise(
             self.parameters.controller,
             self.parameters.seed,
@@ -140,7 +140,7 @@ class Session:
         )
 
     def policy(self) -> Policy | None:
-        """What has been learned so far; None where nothing is: a controller that can't, or no answer heard yet."""
+        """What has been learned so far; None if the controller can't learn, or no answer has arrived yet."""
         if self._learner is None:
             return None
         if self._given is not None:
@@ -169,9 +169,9 @@ class Session:
         return self._begin(degraded=False)
 
     def restart_episode(self) -> tuple[int, int]:
-        """Begins the episode under way again, because its world was lost: its number and its seed.
+        """Restarts the current episode because its world was lost; returns its number and its seed.
 
-        It is degraded where it had begun. Its record counts from the new start; `steps` and `digest` keep all.
+        It is degraded if it had begun. Its record counts from the new start; `steps` and `digest` cover everything.
 
         Raises:
             ValueError: no episode is under way.
@@ -193,7 +193,7 @@ class Session:
     def decide(self, world: World, outputs: Sequence[BehaviorOutput | None]) -> tuple[WheelCommand, Decision]:
         """Answers a world state; learns from the transition that ended in it.
 
-        An ended world closes the episode: its command is 0, 0 and its weights are what would have been.
+        An ended world closes the episode: its command is 0, 0, and its weights are those that would have been used.
         A missing step or answer makes the rest of the episode degraded: it is played, but nothing is learned.
 
         Args:
@@ -274,7 +274,7 @@ class Session:
     def _hear(
         self, outputs: Sequence[BehaviorOutput | None]
     ) -> tuple[JointState, Sequence[BehaviorOutput | None], bool]:
-        """The joint state, the answers that can be acted on, and whether that is all of them."""
+        """The joint state, the usable answers, and whether every answer is usable."""
         leaves: list[int] = []
         for output, tree in zip(outputs, self._trees):  # noqa: B905 - decide compares their numbers
             if output is not None:
@@ -288,7 +288,7 @@ class Session:
         return tuple(leaves), outputs, True
 
     def _check_answer(self, i: int, output: BehaviorOutput | None) -> BehaviorOutput | None:
-        """The answer of behavior i, or None where it can't be acted on. Its first answer says what its tree is."""
+        """The answer of behavior i, or None if it can't be used. Its first answer determines its tree."""
         if output is None:
             return None
         if not 0 <= output.leaf_id < output.leaf_count:
@@ -313,7 +313,7 @@ class Session:
         return output
 
     def _close(self, world: World) -> None:
-        """Ends the episode and keeps its record."""
+        """Ends the episode and stores its record."""
         outcome = "timeout"
         if world.terminated:
             outcome = "goal" if world.goal else "own_goal"
@@ -344,12 +344,12 @@ class Session:
         return f"world state of episode {episode}, step {step}, after step {self._step} was decided"
 
     def _load(self, policy: Policy) -> None:
-        """Starts from a policy. Raises BadInput where it is not of this controller and these behaviors."""
+        """Starts from a policy. Raises BadInput if it does not belong to this controller and these behaviors."""
         if self._learner is None:
             raise BadInput(f"controller '{self.parameters.controller}' takes no policy; leave the policy out")
         if policy.kind != self._learner.kind:
             raise BadInput(
-                f"the policy is of controller '{policy.kind}', not of '{self._learner.kind}'; choose that controller"
+                f"the policy belongs to controller '{policy.kind}', not of '{self._learner.kind}'; choose that controller"
             )
         if policy.behaviors != self.behaviors:
             raise BadInput(

@@ -1,4 +1,4 @@
-"""Steps as columns: NumPy arrays with one row a step."""
+"""Steps as columns: NumPy arrays with one row per step."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fbql_recording.core.steps import Step
 
 Columns = dict[str, NDArray[Any]]
 BLOCK_STEPS = 4096
-"""Steps that are turned into columns at a time: what memory is needed for beside the columns themselves."""
+"""Steps that are turned into columns at a time: the memory needed in addition to the columns themselves."""
 _NAN = float("nan")
 _FLOATS = World._fields[3:15]
 _FLAGS = World._fields[15:]
@@ -22,7 +22,7 @@ _NO_FLOATS, _NO_FLAGS = (_NAN,) * len(_FLOATS), (False,) * len(_FLAGS)
 
 
 class Recorded(NamedTuple):
-    """What a recording has: the columns of the rest are left out, so that nobody takes "n/a" for 0."""
+    """What a recording contains: columns of anything else are left out, so that "n/a" is not taken for 0."""
 
     world: bool
     behaviors: tuple[str, ...]
@@ -40,7 +40,7 @@ def columns_of(steps: Iterable[Step], recorded: Recorded) -> Columns:
 
 
 def blocks_of(steps: Iterable[Step], recorded: Recorded) -> Iterator[Columns]:
-    """The columns of BLOCK_STEPS steps after the other."""
+    """The columns, in blocks of BLOCK_STEPS steps."""
     rest = iter(steps)
     while block := list(islice(rest, BLOCK_STEPS)):
         yield block_of(block, recorded)
@@ -54,7 +54,7 @@ def block_of(steps: Sequence[Step], recorded: Recorded) -> Columns:
     driver int64 [m] (-1: blend), reward float64 [m], degraded bool [m]; joint_state int64 [m, n], q and weights
     float64 [m, n]. From the behaviors' answers: leaf_id int64 [m, n] (-1: no answer), reference_left_rad_s and
     reference_right_rad_s float64 [m, n], clamped bool [m, n], and for each behavior observation.NAME float64 [m, k].
-    has_world, has_command, has_decision bool [m] say whether the message is there: where it is not, and where nothing
+    has_world, has_command, has_decision bool [m] state whether the message is there: if it is not, and where nothing
     was learned, floats are NaN.
     """
     columns: Columns = {
@@ -79,7 +79,7 @@ def block_of(steps: Sequence[Step], recorded: Recorded) -> Columns:
 
 
 def flat(columns: Columns, behaviors: Sequence[str]) -> Columns:
-    """One-dimensional columns alone: "weights" [m, n] becomes "weights.NAME" [m] for each behavior's name."""
+    """One-dimensional columns only: "weights" [m, n] becomes "weights.NAME" [m] for each behavior's name."""
     result: Columns = {}
     for name, column in columns.items():
         if column.ndim == 1:
@@ -143,7 +143,7 @@ def _floats(rows: Sequence[Sequence[float]], width: int) -> NDArray[np.float64]:
 
 
 def _widened(block: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
-    """A block of observations that nobody made, as wide as the others."""
+    """A block of missing observations, as wide as the others."""
     if block.shape[1:] == shape:
         return block
     wide: NDArray[Any] = np.full((len(block), *shape), _NAN)

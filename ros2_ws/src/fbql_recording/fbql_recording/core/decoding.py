@@ -1,7 +1,7 @@
 """Recorded bytes to domain types, by the schema that was recorded with them.
 
-The schema, not this release, says what the bytes hold: a recording of another version is read as long as the fields
-that we need are in it, in whatever order, among whatever else.
+The schema, not this release, determines what the bytes hold: a recording of another version can be read as long as it
+has the fields that we need, in any order and among any others.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class MessageCodec[T]:
         schema: the ros2msg text of the recording.
 
     Raises:
-        BadInput: the schema lacks a field that is needed, or has it in another type.
+        BadInput: the schema lacks a field that is needed, or has it with another type.
     """
 
     def __init__(self, type_name: str, schema: str) -> None:
@@ -58,7 +58,7 @@ class MessageCodec[T]:
         kind: Any = self.kind
         names: Sequence[str] = kind._fields
         self.missing = frozenset(name for name, place in zip(names[1:], places[3:], strict=True) if place is None)
-        """Fields that the recorded message has not, because it is older than they are: they get their defaults."""
+        """Fields that the recorded message lacks because it is older than they are: they get their defaults."""
         self._pick = None if self.is_ours else [place for place in places if place is not None]
         self._defaults = [kind._field_defaults[name] for name in names if name in self.missing]
         self._make: Callable[[Sequence[Any]], T] = kind._make
@@ -67,14 +67,14 @@ class MessageCodec[T]:
         """The domain type.
 
         Raises:
-            Malformed: no such message, a stamp that is no time, or of another frame than the field's.
+            Malformed: not such a message, a stamp that is not a valid time, or a frame other than the field's.
         """
         values: list[Any] = self._codec.decode(data)
         if self._pick is not None:
             values = [values[place] for place in self._pick] + self._defaults
         sec, nanosec, frame = values[:3]
         if sec < 0 or nanosec >= NS:
-            raise Malformed(f"the stamp ({sec} s, {nanosec} ns) is no time")
+            raise Malformed(f"the stamp ({sec} s, {nanosec} ns) is not a valid time")
         if frame != FIELD_FRAME:
             raise Malformed(f"frame_id is '{frame}', expected '{FIELD_FRAME}'")
         values[:3] = (sec * NS + nanosec,)
@@ -89,9 +89,9 @@ class MessageCodec[T]:
 
 
 def _places(kind: type[Any], fields: Sequence[Field], type_name: str) -> list[int | None]:
-    """Where each field of a domain type stands in the recorded message, the header's three first.
+    """The position of each field of a domain type in the recorded message, the header's three first.
 
-    Those with a default, which stand last, may be missing: None.
+    Fields with a default, which come last, may be missing: None.
     """
     there = {field.name: index for index, field in enumerate(fields)}
     hints = get_type_hints(kind)
@@ -106,7 +106,7 @@ def _places(kind: type[Any], fields: Sequence[Field], type_name: str) -> list[in
             raise BadInput(f"the schema recorded for {type_name} lacks the field {name}, which is needed")
         recorded = fields[there[name]].kind
         if not _fits(recorded, hint):
-            raise BadInput(f"the schema recorded for {type_name} has {name} as {recorded}, which can't be it")
+            raise BadInput(f"the schema recorded for {type_name} has {name} as {recorded}, which is not usable")
         places.append(there[name])
     return places
 

@@ -12,22 +12,22 @@ from fbql_recording.core.steps import Step
 
 @dataclass
 class Episode:
-    """One episode as it was recorded. None is "n/a": the recording does not tell."""
+    """One episode as it was recorded. None is "n/a": the recording does not contain it."""
 
     index: int
     """Its number in the run."""
     first_step: int
     """Index of its first step among those of the recording."""
     recorded_steps: int = 0
-    """How many of its steps were recorded: it is steps[first_step : first_step + recorded_steps]."""
+    """Number of its recorded steps: steps[first_step : first_step + recorded_steps]."""
     phase: str | None = None
     """guided, learning or evaluation."""
     seed: int | None = None
     """From the run's episodes.csv."""
     outcome: str | None = None
-    """goal, own_goal or timeout; None: the recording ends, or the episode was lost and began again, before its end."""
+    """goal, own_goal or timeout; None: the recording ends, or the episode was lost and restarted, before its end."""
     steps: int = 0
-    """Number of its last step: how many were driven."""
+    """Number of its last step, which is the number of steps driven."""
     collisions_begun: int | None = None
     collision_steps: int | None = None
     return_: float | None = None
@@ -41,7 +41,7 @@ class Episode:
 
 
 def episodes_of(steps: Iterable[Step]) -> Iterator[Episode]:
-    """The episodes of a recording, each as it ends; an episode that began again is there twice."""
+    """The episodes of a recording, each as it ends; an episode that restarted occurs twice."""
     episode: Episode | None = None
     for index, step in enumerate(steps):
         begins = episode is None or step.episode != episode.index or step.step <= episode.steps

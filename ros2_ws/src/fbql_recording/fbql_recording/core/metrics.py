@@ -1,6 +1,6 @@
-"""What is counted: episodes, the run's summary, and the digest that says whether two runs are the same.
+"""The counts: episodes, the run's summary, and the digest that shows whether two runs are the same.
 
-A timeout is no success; guided episodes are recorded, but count in nothing except the number of steps.
+A timeout is not a success; guided episodes are recorded, but count only towards the number of steps.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class EpisodeRecord:
 
 
 class Summary(NamedTuple):
-    """A run's result: the keys of summary.json. None where there is nothing to divide by or nobody measured."""
+    """A run's result: the keys of summary.json. None where there is nothing to divide by or nothing was measured."""
 
     controller: str
     seed: int
@@ -52,7 +52,7 @@ class Summary(NamedTuple):
     collisions_begun: int
     collision_steps: int
     steps: int
-    """Every step that was driven: of guided episodes and of an unfinished one too."""
+    """Every step that was driven, including those of guided episodes and of an unfinished one."""
     wall_s: float | None
     steps_per_s: float | None
     digest: str
@@ -97,7 +97,7 @@ def summarise(
 
 
 class Digest:
-    """SHA-256 over every decision in order: what makes two runs the same run.
+    """SHA-256 over every decision in order: equal for equal runs.
 
     Each adds 72 bytes, little-endian: episode, step (int64), robot x, y, yaw, ball x, y, left, right (float64).
     """

@@ -1,9 +1,9 @@
-"""Columns as few bytes, for a page that carries its data along: quantised, differences, byte by byte, deflated.
+"""Packs columns into few bytes, for a page that contains its data: quantised, differences, byte by byte, deflated.
 
-A column is int32: multiples of its unit, or the bits of float32 where the unit is 0. What stands in a file is the
-difference of each row to the one before (modulo 2^32, the first to 0), as an unsigned number with the sign in bit 0, and of
-all rows first the lowest byte, then the second, the third and the highest. Columns follow each other, and all of it is
-deflated (zlib, RFC 1950). Neighbouring steps differ by little, so most of these bytes are 0.
+A column is int32: multiples of its unit, or the bits of float32 where the unit is 0. Stored is the difference of each
+row from the one before (modulo 2^32, the first from 0), as an unsigned number with the sign in bit 0: first the lowest
+byte of all rows, then the second, the third and the highest. Columns follow each other, and the whole is deflated
+(zlib, RFC 1950). Neighbouring steps differ by little, so most of these bytes are 0.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 NOT_AVAILABLE = -(2**31)
 """Stands for NaN: "n/a"."""
 TOO_LARGE = -(2**31) + 1
-"""Stands for a number that has too many units for int32, and for infinity."""
+"""Stands for a number that is too large for int32, and for infinity."""
 FLOAT32 = 0.0
 """The unit of a column that is kept as float32."""
 _LIMIT = 2**31 - 2
@@ -29,7 +29,7 @@ class Packing(NamedTuple):
 
     name: str
     unit: float
-    """What is kept is a whole multiple of it; `FLOAT32`: about 7 digits of any number."""
+    """Values are stored as whole multiples of it; `FLOAT32`: about 7 digits of any number."""
 
 
 def pack(columns: Mapping[str, NDArray[Any]], packings: Sequence[Packing], level: int = 6) -> bytes:
@@ -61,7 +61,7 @@ def quantised(column: NDArray[Any], unit: float) -> NDArray[np.int32]:
 
 
 def restored(whole: NDArray[np.int32], unit: float) -> NDArray[np.float64]:
-    """The numbers that int32 stand for. The inverse of `quantised`, to half a unit."""
+    """The numbers that the int32 values represent. The inverse of `quantised`, to half a unit."""
     if unit == FLOAT32:
         return whole.view(np.float32).astype(np.float64)
     values = whole.astype(np.float64) * unit

@@ -28,9 +28,9 @@ class Field(NamedTuple):
     """One value on the wire."""
 
     name: str
-    """Dotted where it stands in a contained message, as "header.stamp.sec"; "x[2]" is one of an array of fixed size."""
+    """Dotted if it is in a nested message, as "header.stamp.sec"; "x[2]" is an element of an array of fixed size."""
     kind: str
-    """As `fbql_common.core.cdr.Codec` names it."""
+    """The kind, as `fbql_common.core.cdr.Codec` names it."""
 
 
 def fields_of(type_name: str, schema: str) -> list[Field]:

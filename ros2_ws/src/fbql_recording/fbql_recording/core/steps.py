@@ -10,11 +10,11 @@ from typing import NamedTuple
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 
 _WINDOW = 16
-"""Steps that are put together at the same time."""
+"""Steps that are assembled at the same time."""
 _REMEMBERED = 256
-"""Steps that are known to have been given out already."""
+"""Steps that are remembered as already returned."""
 _KEY = Struct("<iI4x6s6xqq")
-"""What every message of ours begins with: sec, nanosec, the frame's length, the frame, episode, step."""
+"""The beginning of every message of ours: sec, nanosec, the frame's length, the frame, episode, step."""
 _FRAME = b"field\0"
 
 Key = tuple[int, int, int]
@@ -22,7 +22,7 @@ Key = tuple[int, int, int]
 
 
 class Step(NamedTuple):
-    """One step: a world state, the behaviors' answers to it, and what fusion made of them. None: not recorded."""
+    """One step: a world state, the behaviors' answers to it, and fusion's command and decision. None: not recorded."""
 
     stamp_ns: int
     episode: int
@@ -33,13 +33,13 @@ class Step(NamedTuple):
     command: WheelCommand | None
     decision: Decision | None
     begins_again: bool = False
-    """Whether fusion began the episode again with this step, because the world was lost."""
+    """Whether fusion restarted the episode with this step, because the world was lost."""
     after_gap: bool = False
-    """Whether steps may be missing between the one before and this, which damage took."""
+    """Whether damage may have removed steps between the previous one and this one."""
 
 
 class StepData:
-    """The same, as the bytes that were recorded; b"" where nothing was."""
+    """A step as the recorded bytes; b"" where nothing was recorded."""
 
     __slots__ = ("after_gap", "begins_again", "data", "episode", "missing", "stamp_ns", "step")
 
@@ -49,13 +49,14 @@ class StepData:
         """World state, answers in the order of the behaviors, command, decision."""
         self.missing = messages
         self.begins_again = False
-        """Whether fusion began the episode again with this step, because the world was lost."""
+        """Whether fusion restarted the episode with this step, because the world was lost."""
         self.after_gap = False
-        """Whether steps may be missing between the one before and this, which damage took."""
+        """Whether damage may have removed steps between the previous one and this one."""
 
 
 def key_of(data: bytes) -> Key | None:
-    """The key of a message of ours, without decoding the rest; None where it is of another frame, or no such bytes."""
+    """The key of a message of ours, without decoding the rest; None if it has another frame, or is not such a
+    message."""
     if len(data) < 4 + _KEY.size or data[:2] != b"\x00\x01":
         return None
     sec, nanosec, frame, episode, step = _KEY.unpack_from(data, 4)
@@ -63,10 +64,10 @@ def key_of(data: bytes) -> Key | None:
 
 
 class StepJoin:
-    """Puts messages together to steps.
+    """Joins messages to steps.
 
     Steps come out in the order in which their first messages came; each as soon as it is complete and all before it
-    are out, or when _WINDOW newer ones have begun. A second message of the same kind for a step is left out.
+    have been returned, or when _WINDOW newer ones have begun. A second message of the same kind for a step is left out.
 
     Args:
         messages: how many a complete step has.
@@ -74,7 +75,7 @@ class StepJoin:
 
     def __init__(self, messages: int) -> None:
         self.repeated = 0
-        """Messages that were left out: a step's command that was sent again, a world state that was asked for again."""
+        """Messages that were left out: a step's command that was sent again, a world state that was requested again."""
         self._messages = messages
         self._pending: dict[Key, StepData] = {}
         self._done: deque[Key] = deque(maxlen=_REMEMBERED)
@@ -98,7 +99,8 @@ class StepJoin:
         step.missing -= 1
 
     def mark_next(self, *, begins_again: bool, after_gap: bool) -> None:
-        """The next step begins its episode again, or comes after a gap. All steps before it have to be out (`rest`)."""
+        """Marks that the next step restarts its episode, or follows a gap. All steps before it must have been returned
+        (`rest`)."""
         self._begins_again |= begins_again
         self._after_gap |= after_gap
         if begins_again:

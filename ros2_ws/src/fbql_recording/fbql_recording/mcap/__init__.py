@@ -1,1 +1,1 @@
-"""MCAP files: the format, reading with every check, and writing while a run goes on."""
+"""MCAP files: the format, reading with every check, and writing while a run is in progress."""

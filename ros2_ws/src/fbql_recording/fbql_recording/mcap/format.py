@@ -1,7 +1,7 @@
-"""The records of an MCAP file, taken from bytes of which none is believed until it is checked.
+"""The records of an MCAP file, parsed from bytes that are not trusted until they are checked.
 
-Source: the MCAP specification, version 0. The records themselves are those of the `mcap` package; its readers can't go on
-behind a damaged record, which is why the file's outermost structure is read here.
+Source: the MCAP specification, version 0. The records themselves are those of the `mcap` package; its readers can't
+continue after a damaged record, which is why the file's outermost structure is read here.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ MAX_RECORD_BYTES = 64 * 2**20
 HEAD = Struct("<BQ")
 """opcode, length"""
 MESSAGE_BYTES = 22
-"""What stands before the data in a message's body."""
+"""The fields before the data in a message's body."""
 CODECS = ("", "zstd", "lz4")
 """How chunks may be compressed."""
 PROFILES = ("ros2", "")
 """Profiles of recordings of ROS 2."""
 FIRST_PRIVATE = 0x80
-"""Opcodes from here on are not the specification's; a reader skips such records."""
+"""Opcodes from here on are private; a reader skips such records."""
 
 _MESSAGE_RECORD = Struct("<BQHIQQ")
 """opcode, length, channel id, sequence, log time, publish time"""
@@ -53,7 +53,7 @@ _CHUNK = Struct("<QQQII")
 _FOOTER = Struct("<BQQQI")
 """opcode, length, start of the summary, start of the summary offsets, CRC of the summary"""
 FOOTER_BYTES = _FOOTER.size + len(MCAP0_MAGIC)
-"""The footer and the magic behind it, which end every whole file."""
+"""The footer and the magic after it, which end every complete file."""
 _RECORDS: dict[int, Any] = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
@@ -76,18 +76,19 @@ _FIELDS = {
     Opcode.METADATA: "ss",
     Opcode.DATA_END: "4",
 }
-"""Fields of the records of the data section: bytes of a number; s, S: bytes that follow their length, in 4 or 8 bytes."""
+"""Fields of the records of the data section: the size of a number in bytes; s, S: bytes preceded by their length, in 4
+or 8 bytes."""
 
 
 class Damaged(ValueError):
-    """Bytes that are not the sound record that they should be; the text says why."""
+    """Bytes that are not the valid record that they should be; the text states why."""
 
 
 class Chunk(NamedTuple):
     """A chunk, still compressed."""
 
     start_ns: int
-    """Smallest log time [ns], by the chunk itself: no CRC covers it."""
+    """Smallest log time [ns], as the chunk states it: no CRC covers it."""
     end_ns: int
     """Largest log time [ns]."""
     size: int
@@ -101,7 +102,7 @@ class Chunk(NamedTuple):
 
 @dataclass
 class Summary:
-    """What the summary of an MCAP file says; records of the data section by the byte where each begins."""
+    """The content of the summary of an MCAP file; records of the data section by the byte where each begins."""
 
     start: int = 0
     """Its first byte."""
@@ -116,7 +117,7 @@ class Summary:
 
 
 def read_summary(file: BinaryIO, size: int) -> Summary | None:
-    """The summary of a file of `size` bytes; None where it has none.
+    """The summary of a file of `size` bytes; None if it has none.
 
     Raises:
         Damaged: its CRC does not match, or it is not a summary.
@@ -183,7 +184,7 @@ def parse(opcode: int, body: bytes) -> Any:
 
 
 def length_by_fields(opcode: int, body: bytes) -> int | None:
-    """How long a record of the data section is by the lengths in it; None where `body` is too short to tell."""
+    """The length of a record of the data section by the lengths in it; None if `body` is too short to tell."""
     at = 0
     try:
         for name in _FIELDS[Opcode(opcode)]:
@@ -199,14 +200,15 @@ def length_by_fields(opcode: int, body: bytes) -> int | None:
 
 
 def fits(opcode: int, length: int, body: bytes) -> bool:
-    """Whether a record of the data section is as long as the lengths in it say; `body` may lack its end."""
+    """Whether the length of a record of the data section agrees with the lengths in it; `body` may lack its end."""
     if opcode == Opcode.MESSAGE_INDEX and length % 16 != 6:
         return False
     return length_by_fields(opcode, body) == length
 
 
 def is_misnamed(body: bytes, *, follows_chunk: bool) -> bool:
-    """Whether a message outside of chunks, or a private record, is by its lengths another record with a damaged opcode."""
+    """Whether a message outside of chunks, or a private record, is, by its lengths, another record with a damaged
+    opcode."""
     kinds = [kind for kind in _FIELDS if kind != Opcode.DATA_END and (follows_chunk or kind != Opcode.MESSAGE_INDEX)]
     return any(fits(kind, len(body), body) for kind in kinds)
 
@@ -233,7 +235,7 @@ def unpack(chunk: Chunk) -> bytes:
     """The records of a chunk whose codec is known; at most a byte more than the size that it states is ever unpacked.
 
     Raises:
-        Damaged: they can't be unpacked, or are not those that it was made of.
+        Damaged: they can't be unpacked, or differ from the original ones.
     """
     data = chunk.packed
     try:
@@ -258,7 +260,7 @@ def messages_in(
     """The messages among records that follow each other: those of a chunk, or one outside of chunks.
 
     Yields channel id, sequence, log time [ns], publish time [ns], and the first byte and the end of the message's data;
-    one generator and one unpacking for each of them, since this is what reading a recording costs.
+    one generator and one unpacking per message, because this dominates the cost of reading a recording.
 
     Args:
         data: the records.

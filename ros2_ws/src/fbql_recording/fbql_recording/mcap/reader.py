@@ -1,7 +1,7 @@
 """One MCAP file, read from front to back, with every check that the format allows. Memory: one chunk at a time.
 
-Format: the MCAP specification, version 0. A file that was cut off is read up to its last whole record; damage is an
-error that names the place, or, where the caller wants the rest, is skipped and counted.
+Format: the MCAP specification, version 0. A file that was cut off is read up to its last complete record; damage is an
+error that names the place, or is skipped and counted if the caller asks for that.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from fbql_recording.mcap.format import (
 
 
 class Corrupt(BadInput):
-    """A file that is damaged at a place that the text names."""
+    """A damaged file; the text names the place."""
 
 
 class Message(NamedTuple):
@@ -55,20 +55,20 @@ class Message(NamedTuple):
 
 @dataclass(frozen=True)
 class Topic:
-    """What a file says about one topic."""
+    """One topic as the file describes it."""
 
     name: str
     type_name: str
     schema: str
     """The message definition (ros2msg text)."""
     metadata: dict[str, str]
-    """`offered_qos_profiles`, `topic_type_hash`, where they are recorded."""
+    """`offered_qos_profiles`, `topic_type_hash`, if they are recorded."""
     message_encoding: str
     schema_encoding: str
 
 
 def topic_of(channel: Channel, schema: Schema | None) -> Topic:
-    """What a channel and its schema say. Raises UnicodeDecodeError: the schema is not a text."""
+    """The topic of a channel and its schema. Raises UnicodeDecodeError: the schema is not text."""
     return Topic(
         channel.topic,
         "" if schema is None else schema.name,
@@ -84,11 +84,11 @@ class Damage:
     """What is wrong with a file, as far as it was read."""
 
     cut_off_at: int | None = None
-    """Byte after the last whole record of a file without an end; None for a whole one."""
+    """Byte after the last complete record of a file that was cut off; None for a complete one."""
     chunks: dict[int, str] = field(default_factory=dict[int, str])
     """Chunks that were left out: the byte where each begins -> its number, time and what is wrong with it."""
     other: dict[int, str] = field(default_factory=dict[int, str])
-    """Anything else that was left out, by the byte where it is."""
+    """Anything else that was left out, by its position in bytes."""
 
     @property
     def any(self) -> bool:
@@ -98,7 +98,7 @@ class Damage:
 
 @dataclass(frozen=True)
 class Window:
-    """What is wanted of the messages: everything, unless said otherwise."""
+    """Which messages are wanted: all by default."""
 
     topics: Collection[str] | None = None
     start_ns: int | None = None
@@ -109,7 +109,7 @@ class Window:
 
 EVERYTHING = Window()
 Mark = Callable[[str, dict[str, str]], None]
-"""Told of a Metadata record: its name and values."""
+"""Called with the name and values of each Metadata record."""
 
 
 class McapFile:
@@ -131,15 +131,15 @@ class McapFile:
         """By channel id."""
         self.attachments: dict[str, bytes] = {}
         self.metadata: dict[int, tuple[str, dict[str, str]]] = {}
-        """Metadata records, name and values, by the byte where they are."""
+        """Metadata records, name and values, by their position in bytes."""
         self.counts: dict[str, int] = {}
-        """Number of messages by topic; of a file without an end those before it was cut off."""
+        """Number of messages by topic; for a file that was cut off, those before the cut."""
         self.start_ns: int | None = None
         """Smallest log time [ns]; None without messages."""
         self.end_ns: int | None = None
         """Largest log time [ns]; None without messages."""
         self.is_whole = False
-        """Whether the file has its end."""
+        """Whether the file is complete."""
         self._skip_corrupt = skip_corrupt
         self._schemas: dict[int, Schema] = {}
         if not path.exists():
@@ -189,7 +189,8 @@ class McapFile:
             self.is_whole = file.read() == MCAP0_MAGIC
 
     def _read_summary(self, file: BinaryIO) -> bool:
-        """Reads topics, statistics, attachments and metadata by a whole file's summary. False: it does not have them."""
+        """Reads topics, statistics, attachments and metadata from a complete file's summary. False: it does not have
+        them."""
         try:
             summary = read_summary(file, self.size)
         except Damaged as damaged:
@@ -221,7 +222,7 @@ class McapFile:
             self._read_record(data[0], data[HEAD.size :], offset)
 
     def _read_all(self, file: BinaryIO) -> None:
-        """Reads from the messages themselves what the summary would have said."""
+        """Reads from the messages themselves what the summary would have contained."""
         for topic in self.topics.values():
             self._count(topic.name, 0)
         for message in self._scan(file, EVERYTHING, None):
@@ -238,7 +239,7 @@ class McapFile:
     # Record by record
 
     def _scan(self, file: BinaryIO, window: Window, mark: Mark | None) -> Iterator[Message]:
-        """Everything from the front on."""
+        """Everything from the beginning."""
         file.seek(0)
         crc = zlib.crc32(file.read(len(MCAP0_MAGIC)))
         at = len(MCAP0_MAGIC)
@@ -283,7 +284,7 @@ class McapFile:
         if len(body) != 4:
             self._complain(at, "the end of its data section is damaged")
         elif recorded and recorded != crc and not self.damage.any:
-            # The chunks have CRCs of their own, which matched.
+            # The chunks have their own CRCs, which matched.
             self._complain(at, "the CRC of its data section does not match: something beside the chunks is damaged")
 
     def _read_record(self, opcode: int, body: bytes, at: int) -> None:
@@ -309,7 +310,7 @@ class McapFile:
             self._complain(at, str(damaged) or f"a record of kind {opcode} is damaged")
 
     def _add(self, record: Schema | Channel, at: int, has_crc: bool = False) -> None:
-        """Adds a schema or a topic. Where it is described twice, what a CRC covers is believed."""
+        """Adds a schema or a topic. If it is described twice, the copy that a CRC covers is used."""
         if isinstance(record, Schema):
             if self._schemas.setdefault(record.id, record) != record:
                 self._complain(at, f"schema {record.id} is described twice, and differently")

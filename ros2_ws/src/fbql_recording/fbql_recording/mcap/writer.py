@@ -1,8 +1,8 @@
 """A live MCAP writer: messages wait in a list until their chunk is full, then become one chunk and one write.
 
-The `mcap` package's own writer takes 3.5 us a message; this one takes a third of it, because nothing is packed
-until a whole chunk is. The rare records are the `mcap` package's. Format: the MCAP specification, version 0.
-Memory grows by one chunk index (about 100 bytes) for each chunk, and by nothing else.
+The `mcap` package's own writer takes 3.5 us a message; this one takes a third of that, because messages are packed a
+whole chunk at a time. The rare records are the `mcap` package's. Format: the MCAP specification, version 0. Memory
+grows by one chunk index (about 100 bytes) for each chunk, and by nothing else.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from mcap.records import (
 from mcap.writer import LIBRARY_IDENTIFIER, MCAP0_MAGIC
 
 _MESSAGE = Struct("<BQHIQQ")
-"""opcode, length, channel id, sequence, log time, publish time: what stands before a message's data."""
+"""opcode, length, channel id, sequence, log time, publish time: the fields before a message's data."""
 _RECORD_HEAD = 9
 """Bytes of a record's opcode and length, which its length does not count."""
 
 
 class WriterChannel(NamedTuple):
-    """What the file says about the messages of one topic."""
+    """The file's description of one topic's messages."""
 
     topic: str
     type_name: str
@@ -55,10 +55,10 @@ class WriterChannel(NamedTuple):
 class McapWriter:
     """Writes one MCAP file of ROS 2 messages (profile ros2).
 
-    Schemas and channels are written before the first chunk and again in the summary, so that one damaged chunk
-    never takes them along. Every chunk, the data section and the summary carry a CRC; so that one covers schemas and
-    channels also in a file that never got its end, they stand in the first chunk as well. Each channel counts its
-    messages (sequence, from 1), so that a reader of a damaged file can tell how many are missing.
+    Schemas and channels are written before the first chunk and again in the summary, so that one damaged chunk never
+    loses them. Every chunk, the data section and the summary carry a CRC; schemas and channels are also in the first
+    chunk, so that a CRC covers them even in a file that was never finished. Each channel counts its messages (sequence,
+    from 1), so that a reader of a damaged file can tell how many are missing.
 
     Args:
         write: writes all of the bytes it is given, or raises OSError. Each call ends at a record's boundary.
@@ -92,7 +92,7 @@ class McapWriter:
             metadata = dict(channel.metadata)
             self._channels.append(Channel(number, channel.topic, channel.message_encoding, metadata, ids[key]))
         self._described = _bytes_of([*self._schemas, *self._channels])
-        """What the first chunk begins with; nothing for the others."""
+        """The beginning of the first chunk; empty for the others."""
         self._put(MCAP0_MAGIC + _bytes_of([Header("ros2", LIBRARY_IDENTIFIER)]) + self._described)
 
     @property
@@ -130,7 +130,7 @@ class McapWriter:
             data: CDR with its encapsulation header.
             log_time_ns: 0 .. 2^64 - 1 [ns].
             publish_time_ns: the same; the log time unless given.
-            sequence: its number, 0 .. 2^32 - 1; how many the channel has with it unless given.
+            sequence: its number, 0 .. 2^32 - 1; by default the channel's message count, this one included.
         """
         publish_time_ns = log_time_ns if publish_time_ns is None else publish_time_ns
         self._waiting.append((channel, data, log_time_ns, publish_time_ns, sequence))

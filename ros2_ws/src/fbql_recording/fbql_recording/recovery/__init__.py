@@ -1,1 +1,1 @@
-"""Damaged recordings: what of them is sound, and a new run directory that holds it."""
+"""Damaged recordings: finds their undamaged parts, and writes them to a new run directory."""

@@ -1,4 +1,4 @@
-"""Writes what is sound in a damaged recording to a new run directory, which every reader of bags reads to its end."""
+"""Writes the undamaged part of a recording to a new run directory, which any bag reader can read to its end."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ class Recovery:
     gaps: list[tuple[str, Gap]] = field(default_factory=list[tuple[str, Gap]])
     """What is lost, each with the name of its file."""
     messages_lost: dict[str, int] = field(default_factory=dict[str, int])
-    """By topic: at least so many."""
+    """By topic: a lower bound."""
     attachments_lost: list[str] = field(default_factory=list[str])
     """Their names."""
     cut_off: list[str] = field(default_factory=list[str])
-    """Names of files without an end: nobody knows how much came after what is there."""
+    """Names of files that were cut off: it is unknown how much followed."""
     lost_before: list[str] = field(default_factory=list[str])
-    """What was lost already when the source was itself recovered from another recording, in words."""
+    """What had already been lost when the source was itself recovered from another recording, in words."""
     notes: list[str] = field(default_factory=list[str])
-    """What was damaged without anything being lost."""
+    """Damage without loss."""
 
     @property
     def chunks_lost(self) -> int:
@@ -70,17 +70,17 @@ class Recovery:
         words += [f"attachment {name}" for name in self.attachments_lost]
         words += ["what came after the end of the file"] * bool(self.cut_off)
         words += [f"when it was recovered before: {what}" for what in self.lost_before]
-        return ", ".join(words or ["something that no message tells of"] * bool(self.gaps)) or "nothing"
+        return ", ".join(words or ["data outside the known messages"] * bool(self.gaps)) or "nothing"
 
 
 def recover(source: Path, target: Path | None, progress: Callable[[str], None] = lambda _: None) -> Recovery:
-    """Writes what is sound in a recording to a new run directory. The recording itself is never changed.
+    """Writes the undamaged part of a recording to a new run directory. The recording itself is never changed.
 
     Args:
         source: a run directory, another bag's, or one MCAP file.
         target: the new directory; beside the source unless given.
-        progress: called with a line about how far it is, now and then; what it raises ends the recovery and leaves
-            nothing behind.
+        progress: called now and then with a line about the progress; an exception from it ends the recovery and leaves
+        nothing behind.
 
     Raises:
         BadInput: there is nothing to recover, or the new directory can't be made.
@@ -134,9 +134,7 @@ class _Writing:
             name = scan.path.name
             done.notes += [f"{name}: {note}" for note in scan.notes]
             if scan.unchecked:
-                done.notes.append(
-                    f"{name}: {scan.unchecked} chunks or messages have no CRC: they are taken as they are"
-                )
+                done.notes.append(f"{name}: {scan.unchecked} chunks or messages have no CRC: they are used as they are")
             done.gaps += [(name, gap) for gap in scan.gaps]
             done.attachments_lost += [gap.attachment for gap in scan.gaps if gap.attachment]
             lost += Counter(scan.messages_lost(expected))
@@ -219,7 +217,7 @@ class _Writing:
         writer.flush()
 
     def _in_front(self) -> tuple[dict[str, Attachment], dict[str, str]]:
-        """The attachments, by name, and what the recording says about its run."""
+        """The attachments, by name, and the recording's description of its run."""
         attachments: dict[str, Attachment] = {}
         about: dict[str, str] = {}
         for scan in self._scans:
@@ -244,7 +242,7 @@ class _Writing:
 
 
 def _all_of(write: Callable[[Any], int | None]) -> Callable[[bytes], None]:
-    """Writes all of it: a file without a buffer may write less."""
+    """Writes everything: an unbuffered file may write less at a time."""
 
     def write_all(data: bytes) -> None:
         rest = memoryview(data)
@@ -266,7 +264,8 @@ def _words_of(gap: Gap) -> dict[str, str]:
 
 
 def _expected(files: RunFiles) -> dict[str, int]:
-    """How many messages of each topic metadata.yaml tells of; it was written when the recording was whole."""
+    """The number of messages of each topic according to metadata.yaml, which was written when the recording was
+    complete."""
     expected: dict[str, int] = {}
     for entry in files.information.get("topics_with_message_count") or []:
         with suppress(TypeError, KeyError):

@@ -1,4 +1,4 @@
-"""The files beside a damaged recording: what they can put right in it, and what of them goes along."""
+"""The files beside a damaged recording: what they can repair in it, and which of them are copied."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TREE_TYPE = "application/json"
 
 
 class RunDirectoryFiles:
-    """The files of a run directory; none for a file alone, or for a bag that is none of our runs.
+    """The files of a run directory; none for a file alone, or for a bag that is not one of our runs.
 
     Args:
         directory: where the recording is.
@@ -33,7 +33,7 @@ class RunDirectoryFiles:
 
     def __init__(self, directory: Path | None) -> None:
         self._data: dict[str, bytes] = {}
-        """By the names that they have in the directory, which are those that they have in a recording."""
+        """By name, which is the same in the directory and in a recording."""
         config = None if directory is None else read_inside(directory, CONFIG)
         if directory is None or config is None or custom_data_of(config) is None:
             return
@@ -45,7 +45,7 @@ class RunDirectoryFiles:
                 self._data[name] = data
 
     def attachments(self, found: Mapping[str, Attachment]) -> list[Attachment]:
-        """Those that the recording should have and has not; takes over those that only the recording has."""
+        """Those that the recording should have and lacks; also takes over those that only the recording has."""
         lacking = [
             Attachment(0, 0, name, _MEDIA_TYPES.get(name, _TREE_TYPE), data)
             for name, data in self._data.items()
@@ -58,11 +58,11 @@ class RunDirectoryFiles:
         return lacking
 
     def about(self, recorded: Mapping[str, str], notes: list[str]) -> dict[str, str]:
-        """What the recording says about its run, put right by its configuration, which a CRC covers."""
+        """The recording's description of its run, corrected by its configuration, which a CRC covers."""
         told = custom_data_of(self._data.get(CONFIG, b""))
         mended = {**recorded, **told} if told else dict(recorded)
         if recorded and mended != dict(recorded):
-            notes.append("what the recording says about its run is damaged; its configuration tells it")
+            notes.append("what the recording says about its run is damaged; it is taken from the configuration")
         return mended
 
     def write_to(self, directory: Path, is_complete: bool) -> None:
@@ -73,9 +73,9 @@ class RunDirectoryFiles:
             (directory / name).write_bytes(data)
 
     def write_summary(self, run: Run, messages: int) -> int:
-        """Reads the new recording to its end; gives its number of steps.
+        """Reads the new recording to its end; returns its number of steps.
 
-        A run that was killed has no summary: it gets that of what is recorded. Raises BadInput, OSError.
+        A run that was killed has no summary: one is computed from the recorded data. Raises BadInput, OSError.
         """
         told = custom_data_of(self._data.get(CONFIG, b""))
         if SUMMARY in self._data or told is None or EPISODES not in self._data:
@@ -124,7 +124,7 @@ class RunDirectoryFiles:
 
 
 def custom_data_of(config: bytes) -> dict[str, str] | None:
-    """What a recording says about its run, from its configuration; None where that is none of ours."""
+    """A recording's description of its run, from its configuration; None if that is not one of ours."""
     try:
         return custom_data(mapping_from_yaml(config, CONFIG))
     except (BadInput, KeyError, TypeError):

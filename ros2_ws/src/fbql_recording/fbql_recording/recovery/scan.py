@@ -1,13 +1,14 @@
-"""What is sound in a damaged MCAP file, and the gaps between it.
+"""Finds the sound records of a damaged MCAP file, and the gaps between them.
 
 A file is scanned from record to record. A record is sound where its fields are as long as it is and its CRC, if it has
-one, matches; nothing else is kept, and nothing is repaired. Behind a damaged record the scan resumes where that ends by
-its length, if there is a record; else where the summary says that a chunk, an attachment or a Metadata record begins;
-else at the next bytes that have the structure of a record. Schemas and channels are taken from the summary if its CRC
-matches, else from the first chunk, else from before it.
+one, matches; nothing else is kept, and nothing is repaired. After a damaged record the scan resumes at its end
+according to its length, if a record begins there; else where the summary says that a chunk, an attachment or a Metadata
+record begins; else at the next bytes that have the structure of a record. Schemas and channels are taken from the
+summary if its CRC matches, else from the first chunk, else from before it.
 
-How many messages a gap holds is told by the summary's chunk index; without a summary by the message indexes that follow a
-lost chunk, and by the numbers of the messages around it, which our own recorder counts from 1 for each channel.
+The number of messages in a gap follows from the summary's chunk index; without a summary, from the message indexes
+that follow a lost chunk and from the numbers of the messages around it, which our own recorder counts from 1 for each
+channel.
 
 Memory: one chunk, and a few words for each chunk of the file. Source: the MCAP specification, version 0.
 """
@@ -53,11 +54,11 @@ from fbql_recording.mcap.reader import Topic, topic_of
 _WINDOW = 2**20
 """Bytes that are searched at a time."""
 _AHEAD = 2**16
-"""Bytes of a record that are looked at to see whether it has the structure of one."""
+"""Bytes of a record that are checked for the structure of a record."""
 _HEADS = re.compile(rb"(?=[\x06\x07\x09\x0c]...[\x00-\x04]\x00{4})", re.DOTALL)
 """Heads of a chunk, a message index, an attachment or a Metadata record of at most MAX_RECORD_BYTES."""
 _HARMLESS = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE_INDEX)
-"""Records without which the messages around them are still one sequence."""
+"""Records whose loss does not interrupt the sequence of messages."""
 
 
 class SoundMessage(NamedTuple):
@@ -85,13 +86,13 @@ class Gap:
     end_ns: int | None = None
     """Smallest and largest log time in it [ns]; None: not known."""
     messages: Counter[int] = field(default_factory=Counter[int])
-    """Messages in it by channel id: at least so many."""
+    """Messages in it by channel id: a lower bound."""
     attachment: str = ""
-    """The name of the attachment that it was."""
+    """The name of the attachment, if it was one."""
     is_record: bool = False
-    """Whether it is one record, of which only the length can be believed."""
+    """Whether it is one record, of which only the length is reliable."""
     is_between_messages: bool = True
-    """Whether messages, or what was noted between them, may be missing between those before and after it."""
+    """Whether messages, or the notes between them, may be missing between those before and after it."""
 
 
 class _Span(NamedTuple):
@@ -106,11 +107,11 @@ class _Span(NamedTuple):
 
 
 class Scan:
-    """What is sound in one MCAP file.
+    """The sound records of one MCAP file.
 
     Args:
         path: the file.
-        progress: called with the number of bytes that are scanned, now and then.
+        progress: called now and then with the number of bytes scanned.
         continues: whether the file continues another, so that its messages need not be counted from 1.
 
     Raises:
@@ -120,13 +121,13 @@ class Scan:
     def __init__(self, path: Path, progress: Callable[[int], None], *, continues: bool = False) -> None:
         self.path = path
         self.notes: list[str] = []
-        """What is damaged without anything being lost, a line each."""
+        """Damage without loss, one line each."""
         self.topics: dict[int, Topic] = {}
         """By channel id."""
         self.counts: Counter[int] = Counter()
         """Sound messages by channel id."""
         self.unchecked = 0
-        """Chunks and messages outside of chunks that no CRC covers."""
+        """Number of chunks, and of messages outside of chunks, that no CRC covers."""
         self.has_end = False
         """Whether the file was finished."""
         self._progress = progress
@@ -138,13 +139,14 @@ class Scan:
         self._copies: list[Schema | Channel] = []
         """Copies that none covers."""
         self._numbers: dict[int, tuple[int, int]] | None = None
-        """Channel -> number of its last message, and how much had been found then; None: messages are not numbered."""
+        """Channel -> number of its last message, and how many records had been found then; None: messages are not
+        numbered."""
         self._indexes_due: dict[int, int] = {}
         """Message indexes of the last sound chunk that are still to come: channel -> messages."""
         self._index_times: dict[int, tuple[int, int]] = {}
         """First byte of a gap -> smallest and largest log time by its message indexes."""
         self._data_end: tuple[int, int] | None = None
-        """First byte of the DataEnd record, and the CRC of what stands before it."""
+        """First byte of the DataEnd record, and the CRC of everything before it."""
         try:
             self.size = path.stat().st_size
             with path.open("rb") as file:
@@ -161,7 +163,7 @@ class Scan:
         return [gap for gap in self._found if isinstance(gap, Gap)]
 
     def contents(self) -> Iterator[SoundMessage | Attachment | Metadata | Gap]:
-        """Everything that is sound, in the order of the file, with the gaps in their places. Raises BadInput."""
+        """Everything sound, in the order of the file, with the gaps in their places. Raises BadInput."""
         yield from self._read_again(lambda _: True)
 
     def records(self) -> Iterator[Attachment | Metadata]:
@@ -171,10 +173,10 @@ class Scan:
                 yield content
 
     def messages_lost(self, expected: Mapping[str, int]) -> dict[str, int]:
-        """Messages that are lost, by topic: at least so many.
+        """The number of lost messages by topic: a lower bound.
 
         Args:
-            expected: how many there were by topic, where metadata.yaml says so.
+            expected: the original number by topic, if metadata.yaml has it.
         """
         known: Counter[str] = Counter()
         kept: Counter[str] = Counter()
@@ -239,19 +241,19 @@ class Scan:
         return len(MCAP0_MAGIC)
 
     def _bound(self, at: int) -> int:
-        """Where a record that begins at a byte must have ended: where the summary says that another begins."""
+        """The byte at which a record must have ended: where the next one begins according to the summary."""
         place = bisect_right(self._indexed, at)
         return self._indexed[place] if place < len(self._indexed) else self._limit
 
     def _read_record(self, at: int) -> int:
-        """Reads the record at a byte; gives the byte after it. Raises Damaged."""
+        """Reads the record at a byte; returns the byte after it. Raises Damaged."""
         head = self._read(at, HEAD.size)
         if len(head) < HEAD.size:
             raise Damaged("it is cut off")
         opcode, length = HEAD.unpack(head)
         end = at + HEAD.size + length
         if end > self._bound(at):
-            raise Damaged("it is longer than its place")
+            raise Damaged("it is longer than its space")
         if length > MAX_RECORD_BYTES:
             raise Damaged(f"it is larger than {MAX_RECORD_BYTES >> 20} MiB")
         body = self._file.read(length)
@@ -337,7 +339,7 @@ class Scan:
     # Behind damage
 
     def _resume(self, at: int) -> int:
-        """The byte where the scan resumes behind the damaged record at a byte."""
+        """The byte where the scan resumes after the damaged record at a byte."""
         head = self._read(at, _AHEAD)
         bound = self._bound(at)
         start = at + 1
@@ -432,7 +434,7 @@ class Scan:
                 return
 
     def _check_numbers(self, first: Mapping[int, int], last: Mapping[int, int], at: int) -> None:
-        """Counts by their numbers the messages of each channel that are missing before a byte."""
+        """Counts the messages of each channel that are missing before a byte, by their numbers."""
         if self._numbers is None:
             return
         for channel, number in first.items():
@@ -453,7 +455,7 @@ class Scan:
         for channel, number in last.items():
             self._numbers[channel] = number, len(self._found) + 1
 
-    # What only the whole file tells
+    # What only the whole file shows
 
     def _conclude(self) -> None:
         self._drop_unchecked()
@@ -472,7 +474,7 @@ class Scan:
             raise BadInput(f"{self.path}: no message in it is sound; there is nothing to recover")
 
     def _drop_unchecked(self) -> None:
-        """Drops what only the CRC of the data section covers, if that does not match."""
+        """Drops data that only the CRC of the data section covers, if that does not match."""
         unchecked = [span for span in self._found if isinstance(span, _Span) and not span.has_crc]
         if not unchecked:
             return
@@ -487,7 +489,8 @@ class Scan:
                     self.counts -= span.counts
 
     def _describe(self) -> None:
-        """Chooses among the copies of each schema and channel; without one that a CRC covers none may contradict another."""
+        """Chooses among the copies of each schema and channel; if no CRC covers any of them, they must not contradict
+        each other."""
         summary = self._summary
         known: dict[tuple[type, int], Schema | Channel] = {}
         contradicted: set[tuple[type, int]] = set()
@@ -498,7 +501,7 @@ class Scan:
             key = type(record), record.id
             if key in is_checked and known[key] != record:
                 kind = type(record).__name__.lower()
-                self.notes.append(f"{kind} {record.id} is damaged before the first chunk; another copy of it is taken")
+                self.notes.append(f"{kind} {record.id} is damaged before the first chunk; another copy of it is used")
             elif summary is not None and summary.channels and key not in is_checked:
                 continue
             elif known.setdefault(key, record) != record:
@@ -513,7 +516,7 @@ class Scan:
                     self.notes.append(f"topic {channel.topic}: the definition of its messages is not a text")
 
     def _compare_with(self, summary: Summary) -> None:
-        """Says of each gap what was there by the summary: none reaches beyond the next record that it points at."""
+        """Describes each gap by the summary: no gap extends beyond the next record that the summary points to."""
         harmless: list[Gap] = []
         has_messages = False
         for found in self._found:
@@ -536,7 +539,7 @@ class Scan:
             self._found = [found for found in self._found if found not in harmless]
 
     def _weigh_gaps(self) -> None:
-        """Says of each gap what can be known without a summary."""
+        """Describes each gap as far as possible without a summary."""
         has_messages = False
         for found in self._found:
             if isinstance(found, _Span):
@@ -547,7 +550,7 @@ class Scan:
             gap.chunks = max(gap.chunks, int(bool(gap.messages)))
             by_index = self._index_times.get(gap.begin) if gap.messages else None
             by_head = None if gap.start_ns is None or gap.end_ns is None else (gap.start_ns, gap.end_ns)
-            # Neither has a CRC: times are told where they make sense and nothing contradicts them.
+            # Neither has a CRC: times are reported if they make sense and nothing contradicts them.
             start_ns, end_ns = by_head or by_index or (1, 0)
             first_ns, last_ns = by_index or (start_ns, end_ns)
             is_likely = start_ns <= first_ns <= last_ns <= end_ns
@@ -557,11 +560,11 @@ class Scan:
             gap.is_between_messages = bool(gap.chunks) or not (gap.attachment or is_in_front or is_harmless)
 
     def _drop_undescribed(self) -> None:
-        """Drops messages of channels that nothing describes for certain."""
+        """Drops messages of channels without a reliable description."""
         for channel in [channel for channel in self.counts if channel not in self.topics]:
             count = self.counts.pop(channel)
             if count:
-                why = f"{count} messages: nothing that is sound describes channel {channel}"
+                why = f"{count} messages: no undamaged record describes channel {channel}"
                 self._found.insert(0, Gap(0, self.size, why, messages=Counter({channel: count})))
 
     # What is there
@@ -595,7 +598,8 @@ class Scan:
 
 
 def _messages_in(chunk: ChunkIndex) -> Counter[int]:
-    """Messages of a chunk by channel id: the sizes of its message indexes, which follow each other, tell how many."""
+    """Messages of a chunk by channel id: the sizes of its message indexes, which follow each other, give the
+    numbers."""
     begins = sorted((begin, channel) for channel, begin in chunk.message_index_offsets.items())
     ends = [begin for begin, _ in begins[1:]]
     ends.append(chunk.chunk_start_offset + chunk.chunk_length + chunk.message_index_length)

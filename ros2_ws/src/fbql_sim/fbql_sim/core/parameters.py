@@ -41,10 +41,14 @@ class SimulationParameters:
 
     # Logs: 0.450 (quartiles 0.446, 0.458), from speeds a moment before and after the bounce. Rolling loses 0.56 % of
     # the speed in a step of 1/60 s, so the bounce itself keeps a little more: 0.4525 measures as 0.4500.
-    ball_wall_restitution: float = parameter(0.4525, "speed the ball keeps off a wall", low=0.0, high=1.0)
+    ball_wall_restitution: float = parameter(
+        0.4525, "share of its speed that the ball keeps when it bounces off a wall", low=0.0, high=1.0
+    )
     # The other coefficients have no source. Friction of ball and robot makes the game harder. The robot and the walls
     # have the products of their coefficients towards the ball: they hardly bounce, and do not stick to each other.
-    ball_robot_restitution: float = parameter(0.2, "relative speed the ball keeps off the robot", low=0.0, high=1.0)
+    ball_robot_restitution: float = parameter(
+        0.2, "share of the relative speed that the ball keeps when it bounces off the robot", low=0.0, high=1.0
+    )
     ball_wall_friction: float = parameter(0.2, "friction coefficient of ball and wall", low=0.0, high=2.0)
     ball_robot_friction: float = parameter(0.05, "friction coefficient of ball and robot", low=0.0, high=2.0)
 
@@ -70,5 +74,5 @@ class SimulationParameters:
         0.02, "standard deviation of each wheel's gain from step to step", low=0.0, high=0.2
     )
     collision_gap_s: float = parameter(
-        0.1, "a contact that resumes after a shorter gap is no new collision", unit="s", low=0.0, high=5.0
+        0.1, "a contact that resumes after a shorter gap is not a new collision", unit="s", low=0.0, high=5.0
     )

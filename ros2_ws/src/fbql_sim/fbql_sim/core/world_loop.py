@@ -15,8 +15,8 @@ from fbql_sim.core.task import NO_EVENTS, Events, Task
 class WorldLoop:
     """Plays episodes: `reset` returns the first world, each `step` the next one, until one has ended.
 
-    The same seed and commands give the same worlds bit for bit (but for `stamp_ns` and `episode`), whatever was
-    played before. `stamp_ns` is k·dt for the k-th world this loop has produced, from 1 on: simulated time never
+    The same seed and commands give the same worlds bit for bit (but for `stamp_ns` and `episode`), regardless of what
+    was played before. `stamp_ns` is k·dt for the k-th world this loop has produced, from 1 on: simulated time never
     goes back, and is never 0.
     """
 

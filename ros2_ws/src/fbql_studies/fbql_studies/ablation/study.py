@@ -1,4 +1,5 @@
-"""Ablation: what each part of fbql is worth. One (once two) is taken out, the rest trained and played like the default."""
+"""Ablation: what each part of fbql contributes. One part (once two) is removed, and the rest is trained and played
+like the default."""
 
 from __future__ import annotations
 
@@ -12,13 +13,13 @@ from fbql_studies.common.training import Seeds, add_training_options
 from fbql_studies.common.variants import Variants, changing
 from fbql_studies.runner.study import Result
 
-DESCRIPTION = "fbql without one of its parts at a time (once two), each trained and played frozen like the default"
+DESCRIPTION = "fbql with one part removed at a time (once two), each variant trained and played frozen like the default"
 CAPTIONS = {
     "fusion_ablation": "What a goal costs after one change, relative to the default on the same episodes, with 95 % intervals",
 }
 COLUMNS, words = variants.COLUMNS, variants.words
 SEEDS = Seeds(1401, 9000)
-"""Used for nothing else: on the seeds that the parts were chosen on, the default would look better than it is."""
+"""Used for nothing else: on the seeds used to choose the parts, the default would look better than it is."""
 VARIANTS = Variants(
     seeds=SEEDS,
     trained=changing(

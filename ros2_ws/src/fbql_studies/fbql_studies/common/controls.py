@@ -1,4 +1,4 @@
-"""The controls of the studies of fusion on the episodes that judge the learners: one task per tree set."""
+"""The controls of the studies of fusion on the episodes that evaluate the learners: one task per tree set."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fbql_studies.runner.study import Parameters, Result, StudyTask
 
 
 def control_tasks(seeds: Seeds, tree_sets: int, count: int, given: Parameters) -> list[StudyTask]:
-    """A task for each tree set: the controls are tuned once and judged on the episodes of every training.
+    """A task for each tree set: the controls are tuned once and evaluated on the episodes of every training.
 
     The number of trainings is a part of the key, because the task plays the episodes of all of them.
     """

@@ -33,7 +33,7 @@ from fbql_studies.common.methods import (
 )
 
 Curves = Mapping[str, Any]
-"""Name of a figure -> what it is drawn from, as plain JSON values."""
+"""Name of a figure -> the data that it is drawn from, as plain JSON values."""
 CURVES = "curves.json"
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#888888"
@@ -87,7 +87,7 @@ def draw(
 
 
 def _shorten(svg: str) -> str:
-    """Removes the line breaks inside of paths, and all but two decimals of numbers from 1 on."""
+    """Removes line breaks inside paths, and all but two decimals of numbers from 1 up."""
     return re.sub(r"([1-9]\d*\.\d\d)\d+", r"\1", re.sub(r" ?\n(?=[MLQCz\"])", " ", svg))
 
 
@@ -114,7 +114,7 @@ def draw_learning(axes: Sequence[Axes], numbers: Mapping[str, Any]) -> None:
 
 
 def known(values: Sequence[float | None]) -> list[float]:
-    """The numbers, NaN for one that is not known."""
+    """The numbers, with NaN for unknown ones."""
     return [nan if x is None else x for x in values]
 
 

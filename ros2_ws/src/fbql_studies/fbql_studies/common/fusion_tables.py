@@ -64,7 +64,7 @@ def methods_table(rows: Sequence[Row], controls: Mapping[str, str]) -> Table:
     """A row for each method; for each control cost/goal relative to it, its interval, and p.
 
     Args:
-        controls: short name of a control in the rows' columns -> how it is called in the head.
+        controls: short name of a control in the rows' columns -> its name in the table head.
     """
     columns: dict[str, Callable[[Row], str]] = {
         "method": lambda row: row["method"],

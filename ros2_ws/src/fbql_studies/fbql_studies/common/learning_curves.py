@@ -77,7 +77,7 @@ def growth(by_name: Mapping[str, Trainings]) -> dict[str, Any]:
 
 
 def _episodes(runs: Trainings) -> list[int]:
-    """Episodes done at the end of each point."""
+    """Number of episodes at the end of each point."""
     curve = next(iter(runs.values()))["curve"]
     return np.cumsum([part["episodes"] for part in curve]).tolist()
 

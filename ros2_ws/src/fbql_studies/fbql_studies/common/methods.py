@@ -10,7 +10,7 @@ BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
 LAW, UNIFORM, CONSTANT = "scripted law, sees all", "uniform weights", "constant blend"
 PAPER, TUNED, RETUNED = "subsumption, paper", "subsumption, tuned", "subsumption, re-tuned"
 CONTROLS = (LAW, PAPER, TUNED, RETUNED, UNIFORM, CONSTANT)
-"""What learns nothing, or only a few numbers."""
+"""Methods that learn nothing, or only a few numbers."""
 
 FBQL, FBQL_VALUE = LEARNERS = ("fbql", "fbql_value")
 """The learners that depart from the printed equations, by the names of their controllers."""

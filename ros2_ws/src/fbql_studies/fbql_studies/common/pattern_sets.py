@@ -20,14 +20,14 @@ HELD_OUT_SEEDS = 100_000
 
 @dataclass(frozen=True)
 class PatternSet:
-    """What a method is given: a behavior, its recipe, and the patterns of one demonstration seed."""
+    """The input of a method: a behavior, its recipe, and the patterns of one demonstration seed."""
 
     behavior: str
     seed: int
 
     @property
     def recipe(self) -> Recipe:
-        """The behavior's setting."""
+        """The behavior's recipe."""
         return RECIPES[self.behavior]
 
     @cached_property
@@ -46,7 +46,7 @@ class PatternSet:
         return induced(self, "weighted", method="dp").tree.leaf_count
 
     def prepared(self) -> PatternSet:
-        """This, with every lazy property computed."""
+        """Itself, with every lazy property computed."""
         _ = self.training, self.held_out, self.equal_leaves
         return self
 
@@ -56,7 +56,7 @@ class PatternSet:
 
 
 class Grown(NamedTuple):
-    """A tree, and what its method takes the root's value to be [nat]; None where it has no such value."""
+    """A tree, and the root's value according to its method [nat]; None if it has no such value."""
 
     tree: Tree
     belief: float | None = None

@@ -1,4 +1,4 @@
-"""Frozen play: what a method is worth on the episodes of a run seed."""
+"""Frozen play: the score of a method on the episodes of a run seed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Score(NamedTuple):
 
     @classmethod
     def of(cls, counts: Mapping[str, Any]) -> Score:
-        """The score among counts by name."""
+        """The score taken from counts by name."""
         return cls(*(counts[name] for name in cls._fields))
 
     @property

@@ -1,4 +1,4 @@
-"""Rungs of the ladder: what was required beforehand, what was found, and whether that is enough."""
+"""Rungs of the ladder: the required value, the value found, and whether it suffices."""
 
 from __future__ import annotations
 

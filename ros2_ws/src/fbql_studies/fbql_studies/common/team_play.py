@@ -1,4 +1,4 @@
-"""What a set of trees is worth in play: the team under Subsumption, in-process, on episodes that no tuning saw."""
+"""The score of a set of trees in play: the team under Subsumption, in-process, on episodes that no tuning saw."""
 
 from __future__ import annotations
 

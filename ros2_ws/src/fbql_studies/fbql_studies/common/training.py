@@ -31,16 +31,16 @@ SEEDS_OF_A_TREE_SET = 100
 CURVE_EPISODES = 100
 """Training episodes per point of a learning curve."""
 LEARNED = ("keys", "theta", "value", "values")
-"""The arrays of a policy that grow with what was visited."""
+"""The arrays of a policy that grow with the visited situations."""
 
 
 class Seeds(NamedTuple):
-    """The seeds of a study: training and judging never share one."""
+    """The seeds of a study: training and evaluation never share one."""
 
     first_tree: int
     """Demonstration seed of the first tree set."""
     first_run: int
-    """Run seed of the first training; from SEEDS_OF_A_TREE_SET above it on, run seeds judge."""
+    """Run seed of the first training; from SEEDS_OF_A_TREE_SET above it on, run seeds are for evaluation."""
 
     def tree(self, tree_set: int) -> int:
         """The demonstration seed of a tree set."""
@@ -51,7 +51,7 @@ class Seeds(NamedTuple):
         return self.first_run + seed
 
     def judging(self, tree_set: int, seed: int) -> int:
-        """The run seed of the frozen play that judges a training on a tree set."""
+        """The run seed of the frozen play that evaluates a training on a tree set."""
         return self.first_run + (tree_set + 1) * SEEDS_OF_A_TREE_SET + seed
 
     def behaviors(self, tree_set: int) -> list[Behavior]:
@@ -142,7 +142,7 @@ Played = dict[str, tuple[FusionParameters, Policy | None]]
 def judge(
     seeds: Seeds, parameters: Parameters, played: Played, behaviors: Sequence[Behavior], loop: WorldLoop
 ) -> list[Row]:
-    """The runs of frozen play of each method, on the episodes that judge a task's training."""
+    """The runs of frozen play of each method, on the episodes that evaluate a task's training."""
     tree_set, seed, episodes = parameters["set"], parameters["seed"], parameters["evaluate"]
     run_seed = seeds.judging(tree_set, seed)
     return [
@@ -161,7 +161,7 @@ def size_of(policy: Policy) -> Result:
 
 
 def after_guidance(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Policy:
-    """The policy after the guided episodes, when nothing else has been learned."""
+    """The policy after the guided episodes, before anything else is learned."""
     session = Session(fusion)
     play(session, loop, behaviors, lambda: len(session.records) < session.guided)
     session.next_episode()  # only now are the guided episodes learned from

@@ -1,4 +1,5 @@
-"""Controls that are tuned for each tree set, on episodes that judge nothing: Subsumption's thresholds, constant weights."""
+"""Controls that are tuned for each tree set, on episodes that are used for no evaluation: Subsumption's thresholds,
+constant weights."""
 
 from __future__ import annotations
 
@@ -33,8 +34,8 @@ def cheapest[Candidate](
 ) -> Candidate:
     """The candidate with the least cost(candidate, episodes); the first of equal ones.
 
-    All candidates play a few episodes, the best of them many: a deadlock that happens once in fifty episodes decides what
-    a candidate is worth, and few episodes don't show it. Chosen on 30 alone, a pair of thresholds had 6 timeouts in 100
+    All candidates play a few episodes, the best of them many: a deadlock that happens once in fifty episodes decides a
+        candidate's cost, and few episodes don't show it. Chosen on 30 alone, a pair of thresholds had 6 timeouts in 100
     fresh episodes.
     """
     left = list(candidates)

@@ -46,7 +46,7 @@ Changes = Mapping[str, Any]
 
 
 class Variants(NamedTuple):
-    """The changes of a study, and how they are tried."""
+    """The changes of a study, and how they are tested."""
 
     seeds: Seeds
     trained: Mapping[str, Changes]
@@ -55,7 +55,8 @@ class Variants(NamedTuple):
     """Name -> changes to the frozen play of what the default learned."""
 
     def tasks(self, options: argparse.Namespace) -> list[StudyTask]:
-        """A training for each seed, tree set and variant, the default first, so that all rows grow alike; then the controls."""
+        """A training for each seed, tree set and variant, the default first, so that all rows grow at the same rate;
+        then the controls."""
         check_training_options(options)
         given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
         trainings = [
@@ -127,7 +128,7 @@ def words(rows: Sequence[Row]) -> dict[str, Table]:
 
 
 def changes_table(rows: Sequence[Row]) -> dict[str, Table]:
-    """Title -> table of the rows' changes; none where the data do not have them."""
+    """Title -> table of the rows' changes; none if the data lack them."""
     changed = [[row["method"], f"`{row['changes']}`"] for row in rows if row.get("changes")]
     return {"what is changed": Table(["method", "changes"], changed)} if changed else {}
 

@@ -31,7 +31,7 @@ from fbql_studies.common.drawing import (
 )
 
 BEHAVIORS = (ORANGE, SKY, PURPLE, GREEN, VERMILLION, BLUE, BLACK, GREY)
-"""One a behavior; the first three as in the picture of an episode (ros2_ws/src/fbql/fbql/pictures/episode.py)."""
+"""One per behavior; the first three as in the picture of an episode (ros2_ws/src/fbql/fbql/pictures/episode.py)."""
 
 
 def learning_figure(numbers: Mapping[str, Any]) -> Figure:
@@ -43,7 +43,7 @@ def learning_figure(numbers: Mapping[str, Any]) -> Figure:
 
 
 def coverage_figure(numbers: Mapping[str, Any]) -> Figure:
-    """Joint states met in the course of the training, and how many the leaves could make."""
+    """Joint states met in the course of the training, and the number that the leaves could form."""
     figure = Figure((5.0, 3.2), layout="constrained")
     axis = figure.subplots()
     for place, (name, found) in enumerate(numbers.items()):

@@ -1,7 +1,7 @@
 """The ladder: FBQL trained on fresh tree sets, then played frozen against its controls on the same unseen episodes.
 
-A task is the training of one learner on one tree set with one seed, or the controls of one tree set. Training, tuning and
-judging have run seeds of their own.
+A task is the training of one learner on one tree set with one seed, or the controls of one tree set. Training, tuning
+and evaluation use separate run seeds.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 from fbql.statistics.runs import Runs, method_row, runs_by_method
 from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
-from fbql_fusion.controller_loading import know_controller
+from fbql_fusion.controller_loading import resolve_controller
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
@@ -53,14 +53,12 @@ from fbql_studies.ladder import tables
 from fbql_studies.ladder.weight_maps import weight_maps
 from fbql_studies.runner.study import MEASURED, Parameters, Result, StudyTask
 
-DESCRIPTION = (
-    "the learners trained on fresh trees, then frozen against Subsumption, constant weights, their twins and the law"
-)
+DESCRIPTION = "the learners trained on fresh trees, then compared frozen with Subsumption, constant weights, their twins and the law"
 CAPTIONS = {
     "fusion_ladder": "What a goal costs, relative to the re-tuned Subsumption on the same episodes, with 95 % intervals",
     "fusion_learning": "Learning curves over blocks of 100 training episodes, exploration included; dashed: frozen controls",
     "fusion_coverage": "Joint states met in the course of the training",
-    "fusion_maps": "The heaviest behavior where the robot stands, for each learner after its training on tree set 1001 with seed 0, the ball lying at the white dot and the goal that is attacked on the right; the paler, the nearer to equal weights",
+    "fusion_maps": "The behavior with the largest weight at each place of the robot, for each learner after its training on tree set 1001 with seed 0; the ball lies at the white dot, the attacked goal is on the right; the paler, the nearer to equal weights",
 }
 COLUMNS, words = tables.COLUMNS, tables.words
 SEEDS = Seeds(FIRST_TREE_SEED, FIRST_RUN_SEED)
@@ -70,13 +68,13 @@ TRAINED: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     SENSED: (FBQL, SENSED_CRITIC),
     FBQL_VALUE: (FBQL_VALUE, {}),
 }
-"""What is trained -> its controller, and the parameters that differ from its defaults."""
+"""Learner -> its controller, and the parameters that differ from its defaults."""
 ASKED = {"fbql": FBQL, "fbql_sensed": SENSED, "fbql_value": FBQL_VALUE}
 ALL = "all"
 
 
 def _methods_of(learner: str) -> tuple[str, ...]:
-    """A learner's frozen twins and what it learned."""
+    """The method that a learner trained, and its frozen twins."""
     return untrained(learner), drawn(untrained(learner)), guided(learner), learner
 
 
@@ -105,7 +103,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=argparse.SUPPRESS,  # where it is not given, a study's directory has no such option
         metavar="SOURCE",
-        help="controllers of your own that take part: the name of one that an installed package declares, or FILE.py:NAME",
+        help="your own controllers that take part: the name of one that an installed package declares, or FILE.py:NAME",
     )
 
 
@@ -131,7 +129,7 @@ def tasks(options: argparse.Namespace) -> list[StudyTask]:
         ]
         found, controls = found + controls, []
     for source in getattr(options, "controllers", []):
-        known = know_controller(source)
+        known = resolve_controller(source)
         own = {"part": known.name, "controller": known.source or known.name, "episodes": options.episodes, **given}
         found += [
             StudyTask(f"own-{known.name}-trees{SEEDS.tree(k)}-seed{seed}", {**own, "set": k, "seed": seed})
@@ -153,7 +151,7 @@ def run(parameters: Parameters) -> Result:
 def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
     learner, tree_set, seed = parameters["part"], parameters["set"], parameters["seed"]
     if own := parameters.get("controller"):
-        know_controller(own)  # a worker is a process of its own
+        resolve_controller(own)  # a worker is a separate process
     controller, changes = TRAINED.get(learner, (learner, {}))
     fusion = training_of(SEEDS.training(seed), parameters["episodes"], controller, **changes)
     begun_s = perf_counter()
@@ -161,7 +159,7 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
     training_s = perf_counter() - begun_s
     played: Played = {}
     if learner in LEARNERS or parameters.get("twins"):
-        # The critic plays no part in them: fbql's twins are those of the sensed critic as well.
+        # The critic does not affect them: fbql's twins are those of the sensed critic as well.
         as_learning = training_of(fusion.seed, fusion.episodes, controller, **(changes | as_it_learns(controller)))
         played[untrained(controller)] = (fusion, None)
         played[drawn(untrained(controller))] = (as_learning, None)

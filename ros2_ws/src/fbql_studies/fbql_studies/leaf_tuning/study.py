@@ -2,7 +2,7 @@
 
 A task tunes the three trees of a set with one tuning seed. Tuning seeds are below 1000; measurements use
 seeds from FIRST_MEASURING_SEED on, others for each tuning seed, so that the pairs of a table are independent. The
-settings of tuning were chosen on the trees that ship and on tuning seeds below FIRST_TUNING_SEED.
+settings of tuning were chosen on the shipped trees and on tuning seeds below FIRST_TUNING_SEED.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ CAPTIONS: Mapping[str, str] = {}
 COLUMNS, table, words = tables.COLUMNS, tables.table, tables.words
 FIRST_TUNING_SEED = 101
 FIRST_MEASURING_SEED = 10_000
-"""What is added to a tuning seed for the seed of measuring and of the matches."""
+"""Added to a tuning seed to get the seed of the measurements and the matches."""
 FRESH_DEMONSTRATIONS = 1001
 """First demonstration seed of the trees that no setting was chosen on."""
 
@@ -121,5 +121,5 @@ def _figures(behavior: str, episodes: Sequence[Attempt]) -> dict[str, float]:
 
 
 def figures(_results: Mapping[str, Result], _directory: Path) -> list[Path]:
-    """There are none."""
+    """This study has none."""
     return []

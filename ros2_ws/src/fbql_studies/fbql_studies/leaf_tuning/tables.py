@@ -16,7 +16,7 @@ BEFORE, ALL = "none", "all"
 """Which behaviors of a team are tuned."""
 ALONE = "alone"
 FIRST = ("success rate", "cost per goal", "contact steps per episode")
-"""A team's main measures; the others have a table of their own."""
+"""A team's main measures; the others have their own table."""
 
 COLUMNS = {
     "trees": "which trees were tuned",
@@ -30,7 +30,7 @@ COLUMNS = {
     "difference": "after - before, paired by seed",
     **PAIRED_COLUMNS,
 }
-"""Column -> what it says."""
+"""Column -> its meaning."""
 
 
 def words(rows: Sequence[Row]) -> dict[str, Table]:

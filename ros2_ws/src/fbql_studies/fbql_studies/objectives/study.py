@@ -121,5 +121,5 @@ def words(rows: Sequence[Row]) -> dict[str, Table]:
 
 
 def figures(_results: Mapping[str, Result], _directory: Path) -> list[Path]:
-    """There are none."""
+    """This study has none."""
     return []

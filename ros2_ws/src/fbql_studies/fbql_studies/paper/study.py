@@ -1,8 +1,8 @@
 """The paper's protocol: 20 guided episodes, then until 50 goals, for every method on the same trees and the same starts.
 
-A task is a tree set and some run seeds; the Subsumption that is tuned for a tree set has a task of its own, so that it is
-tuned once. Every method meets the same episodes: methods that learn nothing play the guided ones as well, so that episode k
-of a run has the same start for each.
+A task is a tree set and some run seeds; the Subsumption that is tuned for a tree set has its own task, so that it is
+tuned only once. Every method meets the same episodes: methods that learn nothing play the guided ones as well, so that
+episode k of a run has the same start for each.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fbql.statistics.runs import Runs, method_row, runs_by_method
 from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import Phase
-from fbql_fusion.core.learners.literal.equations import tied
+from fbql_fusion.core.learners.literal.equations import count_ties
 from fbql_fusion.core.learners.literal.learner import FbqlLiteral
 from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters
 from fbql_fusion.core.policy import Policy
@@ -72,7 +72,7 @@ MOST_TREE_SETS = 100
 """The tree sets of other studies come after these."""
 RUNS_PER_TASK = 4
 MOST_EPISODES = 400
-"""A run ends after so many episodes, however many goals it has."""
+"""A run ends after this many episodes, regardless of its goals."""
 
 
 def _methods_of(learner: str) -> dict[str, FusionParameters]:
@@ -98,13 +98,14 @@ METHODS: dict[str, FusionParameters] = {
     LITERAL_TWIN: FusionParameters(controller="fbql_literal", learn=False),
     **{method: fusion for learner in LEARNERS for method, fusion in _methods_of(learner).items()},
 }
-"""The guide of a learner is Subsumption with the tuned preset unless the method's name says otherwise."""
+"""The guide of a learner is Subsumption with the tuned preset unless the method's name names another."""
 TWINS: dict[str, dict[str, str]] = {
     method: {"untrained": untrained(learner), "guided": guided(method)}
     for learner in LEARNERS
     for method in (learner, papers_guide(learner))
 }
-"""Method that learns -> its frozen twins: the same execution that never learned, or stopped after the guided episodes."""
+"""Method that learns -> its frozen twins: the same play without learning at all, or with learning stopped after the
+guided episodes."""
 CONTROLS = {"paper": PAPER, "retuned": RETUNED, "frozen": LITERAL_TWIN}
 
 
@@ -188,7 +189,7 @@ def play_run(
     learned = session.policy()
     if learned is not None and learned.kind == FbqlLiteral.kind and fusion.learn:
         q = learned.arrays["q"]
-        result |= {"joint_states": len(q), "tied": tied(q)}
+        result |= {"joint_states": len(q), "tied": count_ties(q)}
     return result
 
 

@@ -48,7 +48,7 @@ class Controls:
         return best, used
 
     def play(self, run_seed: int, episodes: int) -> dict[str, Score]:
-        """Every control on so many episodes of a run seed."""
+        """Every control on the first episodes of a run seed."""
         fusion = FusionParameters(controller="subsumption", seed=run_seed, episodes=episodes)
         wall_m, approach_rad = self.thresholds
         sessions = {
@@ -67,5 +67,5 @@ class Controls:
         return found
 
     def _score(self, weights: Weights, run_seed: int, episodes: int) -> Score:
-        """What constant weights are worth on so many episodes of a run seed."""
+        """The score of constant weights on the first episodes of a run seed."""
         return Score.of(blend_played(weights, self._behaviors, self._loop, run_seed, episodes))

@@ -19,7 +19,8 @@ class TrainingEpisode(NamedTuple):
 
 
 class Course:
-    """Counts what is trained. Steps are the simulator's, in all environments together: the one currency of all peers."""
+    """Counts the training. Steps are those of the simulator, in all environments together: the common currency of all
+    peers."""
 
     def __init__(self, budget: int, environments: int = 1) -> None:
         self.budget = budget
@@ -47,7 +48,7 @@ class Course:
             self._running[environment] = 0
 
     def end(self, steps: int, outcome: str) -> None:
-        """Counts an episode whose steps are counted already."""
+        """Counts an episode whose steps have been counted already."""
         self.episodes.append(TrainingEpisode(self.steps, steps, outcome))
 
     def slices(self) -> list[dict[str, int]]:

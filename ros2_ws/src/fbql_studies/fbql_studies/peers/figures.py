@@ -38,7 +38,7 @@ def peers_training_figure(numbers: Mapping[str, Any]) -> Figure:
     axis.set_xlabel("share of the budget")
     axis.set_title("success rate in training", fontsize=9)
     axis.set_xlim(0, 1)
-    axis.set_ylim(-0.02, 1.02)  # lines at the edges are to be seen
+    axis.set_ylim(-0.02, 1.02)  # keep lines at the edges visible
     axis.grid(lw=0.4)
     axis.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure

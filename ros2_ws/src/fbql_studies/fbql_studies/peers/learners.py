@@ -106,7 +106,7 @@ def _ppo(method: str, plan: TrainingPlan) -> Learned:
 def _played(
     env: WheelsEnv, acts: dict[str, Callable[[int], Act]], course: Course, seconds: float, plan: TrainingPlan
 ) -> Learned:
-    """Plays in the way that costs the least on training episodes; the first of equal ones."""
+    """Plays in the way with the least cost on training episodes; the first of equal ones."""
     way = min(acts, key=lambda name: score_in(env, acts[name](TUNING_SEED), TUNING_SEED, CHOOSING_EPISODES).cost)
     score = score_in(env, acts[way](plan.evaluation_seed), plan.evaluation_seed, plan.episodes)
     return Learned(score, course, way, seconds)

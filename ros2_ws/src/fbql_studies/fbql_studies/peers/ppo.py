@@ -24,7 +24,7 @@ FOREVER = 2**62
 
 @dataclass(frozen=True)
 class PpoParameters:
-    """Settings of PPO; where nothing is said they are Stable-Baselines3's own."""
+    """Settings of PPO; the rest are Stable-Baselines3's defaults."""
 
     hold_steps: int
     """Steps of the simulator that an action is held for."""
@@ -44,11 +44,11 @@ SETTINGS = {
     "blend": PpoParameters(hold_steps=10, decisions=128),
     "wheels": PpoParameters(hold_steps=8, discount=0.9975),
 }
-"""Chosen on tuning seeds and on the trees that ship."""
+"""Chosen on tuning seeds and on the shipped trees."""
 
 
 class _Count(BaseCallback):
-    """Keeps a course, and ends the training where it is over."""
+    """Records the course, and ends the training when the budget is used up."""
 
     def __init__(self, course: Course) -> None:
         super().__init__()

@@ -2,7 +2,7 @@
 
 A learner trains with a training seed (below FIRST_RUN_SEED) and then plays frozen on the episodes of another seed, the same
 ones for every method of a tree set and seed. What is tuned for a tree set is tuned on training episodes. Stable-Baselines3
-and torch are an optional extra (`peers`): without them its rows say so.
+and torch are an optional extra (`peers`): without them its rows read "not installed".
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from fbql_studies.common.training import FIRST_RUN_SEED, FIRST_TREE_SEED, behavi
 from fbql_studies.runner.study import MEASURED, Parameters, Result, StudyTask, add_count, check_counts
 
 DESCRIPTION = (
-    "other methods on the same work, simulator and budget: Q-learning, PPO, constant weights, single behaviors"
+    "other methods on the same task, simulator and budget: Q-learning, PPO, constant weights, single behaviors"
 )
 CAPTIONS = {
     "fusion_peers": "What a goal costs and how many episodes end in one, frozen, with 95 % intervals over tree sets and runs",
@@ -137,7 +137,7 @@ def _run_row(method: str, tree_set: int, seed: int, score: Score, training_steps
 
 
 def table(results: Mapping[str, Result]) -> list[Row]:
-    """Method x what it reached frozen, with intervals over runs, and paired with Subsumption on the same episodes."""
+    """Each method's frozen play, with intervals over runs, and paired with Subsumption on the same episodes."""
     from fbql_studies.peers.learners import NEED_PPO
 
     runs = runs_of(results)

@@ -19,7 +19,7 @@ from fbql_studies.peers.team_env import SelectionEnv
 
 @dataclass(frozen=True)
 class TabularParameters:
-    """Settings, chosen on tuning seeds and on the trees that ship."""
+    """Settings, chosen on tuning seeds and on the shipped trees."""
 
     hold_steps: int = 10
     """Steps that a behavior drives before the next is selected."""
@@ -31,7 +31,7 @@ class TabularParameters:
     epsilon_end: float = 0.02
     epsilon_share: float = 0.5
     initial_q: float = 5.0
-    """Above what most joint states are worth: what was not tried yet is tried."""
+    """Above the value of most joint states, so that untried behaviors are tried."""
 
 
 class TabularQ:
@@ -47,12 +47,13 @@ class TabularQ:
         return len(self._rows)
 
     def row(self, joint_state: NDArray[np.int64]) -> list[float]:
-        """Q of a joint state, length n; a fresh one where it has none. Looking does not make a row."""
+        """Q of a joint state, length n; a fresh one if it has none. Reading does not create a row."""
         found = self._rows.get(joint_state.tobytes())
         return [self._parameters.initial_q] * self._behaviors if found is None else found
 
     def select(self, joint_state: NDArray[np.int64], epsilon: float, rng: np.random.Generator) -> int:
-        """A behavior with the largest Q; a random one of several, and with probability `epsilon` of all."""
+        """A behavior with the largest Q; a random one among ties, and with probability `epsilon` any behavior at
+        random."""
         row = self.row(joint_state)
         if rng.random() < epsilon:
             return int(rng.integers(len(row)))

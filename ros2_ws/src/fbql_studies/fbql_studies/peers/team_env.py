@@ -1,4 +1,4 @@
-"""The behaviors in front of a learner: Gymnasium environments whose action says how the behaviors are fused.
+"""The behaviors in front of a learner: Gymnasium environments whose action determines how the behaviors are fused.
 
     import gymnasium
     import fbql_studies.peers.team_env  # registers the environments
@@ -49,13 +49,14 @@ class TeamEnv(WheelsEnv):
         self._heard: tuple[World | None, list[BehaviorOutput]] = None, []
 
     def hear(self, world: World) -> list[BehaviorOutput]:
-        """What the behaviors answer to a world. They are asked once, also where it is observed and then acted on."""
+        """The behaviors' answers to a world. They are computed once, even if the world is first observed and then
+        acted on."""
         if self._heard[0] is not world:
             self._heard = world, [answer(world) for answer in self._answers]
         return self._heard[1]
 
     def blended(self, weights: Sequence[float]) -> Drive:
-        """Drives by the weighted sum of what the behaviors answer to each world."""
+        """Drives by the weighted sum of the behaviors' answers to each world."""
 
         def drive(world: World) -> tuple[float, float]:
             command = blend(weights, self.hear(world))
@@ -93,7 +94,8 @@ class BlendEnv(TeamEnv):
         return self.blended(self.weights(action))
 
     def weights(self, action: Any) -> list[float]:
-        """The weights that an action stands for: n, sum 1. Raises ValueError where it holds something that is no number."""
+        """The weights that an action stands for: n, sum 1. Raises ValueError if it contains something that is not a
+        number."""
         limited = np.clip(np.asarray(action, np.float64), self.action_space.low, self.action_space.high).tolist()
         shares = [exp(SHARPNESS * value) for value in limited] if self._logits else limited
         total = sum(shares)
@@ -143,7 +145,7 @@ class SelectionEnv(TeamEnv):
 
 
 def shipped_behaviors() -> list[Behavior]:
-    """The behaviors of the trees that ship, in fusion's order."""
+    """The behaviors of the shipped trees, in fusion's order."""
     return [Behavior(name, load_tree(shipped_trees() / f"{name}.json")) for name in FusionParameters().behaviors]
 
 

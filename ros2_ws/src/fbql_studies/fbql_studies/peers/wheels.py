@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 TOP_SPEED_M_S, TOP_YAW_RATE_RAD_S = 1.76, 50.0
 GOAL_DISTANCE_WEIGHT, BALL_DISTANCE_WEIGHT = 10.0, 4.0
-"""Reward for each metre that the ball comes nearer to the goal, and the robot to the ball."""
+"""Reward for each metre by which the ball gets nearer to the goal, and the robot to the ball."""
 
 
 class SeenFromRobot(gymnasium.ObservationWrapper[NDArray[np.float32], Any, Any]):
@@ -63,7 +63,7 @@ class Shaped(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     Phi is minus the two distances, weighted. With a discount, gamma Phi(s') - Phi(s), the best policy would stay what it is
     (Ng, Harada & Russell, Policy invariance under reward transformations, 1999), but standing still far away would be paid
-    (1 - gamma) |Phi| at every decision, and PPO, tried so, learned to stand still.
+    (1 - gamma) |Phi| at every decision, and with it PPO learned to stand still.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
@@ -91,6 +91,6 @@ class Shaped(gymnasium.Wrapper[Any, Any, Any, Any]):
 
 
 def wheels_env(hold_steps: int, shaped: bool = False, **more: Any) -> gymnasium.Env[Any, Any]:
-    """The environment of the raw wheels, seen from the robot, and with a reward for progress where it is shaped."""
+    """The environment of the raw wheels, seen from the robot, and, if shaped, with a reward for progress."""
     env: gymnasium.Env[Any, Any] = SeenFromRobot(WheelsEnv(hold_steps=hold_steps, **more))
     return Shaped(env) if shaped else env

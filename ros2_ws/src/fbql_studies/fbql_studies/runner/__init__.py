@@ -1,1 +1,1 @@
-"""What every study shares: tasks, the store of their results, workers."""
+"""Shared by every study: tasks, the store of their results, workers."""

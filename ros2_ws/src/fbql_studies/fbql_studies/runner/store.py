@@ -3,7 +3,7 @@
 config.json         the study and its options
 tasks/KEY.json      the result of a task that is done
 tasks/KEY.failed    why a task failed; removed once it is done
-revisions.json      the project revisions that did tasks, in order
+revisions.json      the project revisions that ran tasks, in order
 lock                held while a run uses the directory
 """
 
@@ -28,7 +28,8 @@ _MADE_FIRST = {"tasks", "lock"}
 
 
 class Store:
-    """Keeps a study's results. A task's file is written whole or not at all, so that a run can resume after any stop.
+    """Keeps a study's results. A task's file is written completely or not at all, so that a run can resume after any
+    interruption.
 
     Args:
         directory: created if it does not exist.
@@ -99,7 +100,7 @@ class Store:
             return None
 
     def revisions(self) -> list[str]:
-        """The revisions of the project that did the tasks, in order."""
+        """The revisions of the project that ran the tasks, in order."""
         try:
             found = _parsed((self.directory / "revisions.json").read_text(errors="replace"))
         except OSError:
@@ -107,7 +108,7 @@ class Store:
         return [str(each) for each in found] if isinstance(found, list) else ["unknown"]
 
     def add_revision(self, revision: str) -> None:
-        """Records the revision that does the tasks from now on."""
+        """Records the revision that runs the tasks from now on."""
         known = self.revisions()
         if revision not in known:
             text = json.dumps([*known, revision])
@@ -122,7 +123,7 @@ class Store:
 
 
 def _others_in(directory: Path) -> set[str]:
-    """Names in a directory that a study, whenever it was stopped, can't have left there without a config.json."""
+    """Names in a directory that an interrupted study can't have left there without a config.json."""
     names = {path.name for path in directory.iterdir()} if directory.exists() else set[str]()
     return {name for name in names if name not in _MADE_FIRST and not name.startswith(".config.json.")}
 
@@ -154,7 +155,7 @@ def _without_counts(config: Any) -> Any:
 
 
 def _difference(found: Any, asked: dict[str, Any]) -> str:
-    """How the study that config.json holds differs from the one that is asked for."""
+    """How the study in config.json differs from the requested one."""
     try:
         if found["study"] != asked["study"]:
             return f"the study {found['study']}, not {asked['study']}"
@@ -172,7 +173,7 @@ def _difference(found: Any, asked: dict[str, Any]) -> str:
 
 
 def write_result(directory: Path | str, key: str, result: Result) -> None:
-    """Writes a task's result, whole or not at all. Raises ValueError for a number that is not finite."""
+    """Writes a task's result, completely or not at all. Raises ValueError for a number that is not finite."""
     text = json.dumps(result, sort_keys=True, allow_nan=False) + "\n"
     write_atomically(_result_path(directory, key), text.encode())
     _failure_path(directory, key).unlink(missing_ok=True)

@@ -1,6 +1,6 @@
 """What a study is: independent tasks, each a deterministic function of plain values, and a table of their results.
 
-A study is a folder of this package; its module `study` has what the protocol Study asks for.
+A study is a folder of this package; its module `study` implements the protocol Study.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from fbql.statistics.tables import Row, Table
 from fbql_common.core.errors import BadInput
 
 Parameters = dict[str, Any]
-"""Plain JSON values: all that a task depends on."""
+"""Plain JSON values: everything that a task depends on."""
 Result = dict[str, Any]
 """Plain JSON values."""
 
 MOST_SEEDS = 1000
-"""The limit for the seeds of a study that has no other: more than anybody waits for."""
+"""The default limit for the number of seeds: more than anybody would wait for."""
 MOST_PLAYED = 1_000_000
-"""The same for the episodes that are played with each."""
+"""The same for the number of episodes played with each."""
 MEASURED = "measured"
 """The only key of a result that may differ between runs: times measured with a clock."""
 
@@ -40,7 +40,7 @@ class Study(Protocol):
 
     DESCRIPTION: str
     COLUMNS: Mapping[str, str]
-    """Each column that `table` can have -> what it says, with its unit."""
+    """Each column that `table` can have -> its meaning, with its unit."""
     CAPTIONS: Mapping[str, str]
     """File of a figure, without its ending -> its caption."""
 
@@ -53,9 +53,9 @@ class Study(Protocol):
         ...
 
     def run(self, parameters: Parameters) -> Result:
-        """Does one task.
+        """Runs one task.
 
-        The same parameters give the same result, bit for bit, in any process, except for what is under MEASURED.
+        The same parameters give the same result, bit for bit, in any process, except for the values under MEASURED.
         """
         ...
 
@@ -68,7 +68,7 @@ class Study(Protocol):
         ...
 
     def figures(self, results: Mapping[str, Result], directory: Path) -> list[Path]:
-        """Draws the study's figures and returns the files, those of `curves.json` included; none where it has no figures."""
+        """Draws the study's figures and returns the files, `curves.json` included; empty if it has no figures."""
         ...
 
 
@@ -78,7 +78,7 @@ def add_count(parser: argparse.ArgumentParser, option: str, default: int, what: 
 
 
 def check_counts(options: argparse.Namespace, **most: int) -> None:
-    """Raises BadInput where an option of these names is not from 1 to its limit."""
+    """Raises BadInput if an option of these names is not from 1 to its limit."""
     for name, limit in most.items():
         count = getattr(options, name)
         if not 1 <= count <= limit:

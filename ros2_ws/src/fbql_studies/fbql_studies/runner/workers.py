@@ -44,7 +44,7 @@ def run_locally(
 ) -> Iterator[TaskEnd]:
     """Runs each task in a fresh process, `jobs` at a time; yields each as it ends.
 
-    The worker writes its result itself, so that nothing that is done is lost when the launcher dies. `stopped` is called
+    The worker writes its result itself, so that no finished work is lost when the launcher dies. `stopped` is called
     a few times a second; when it returns True, the running workers are ended.
 
     Args:
@@ -88,14 +88,14 @@ def _ender(exitcode: int | None) -> str:
 
 
 def _work(module: str, task: StudyTask, directory: str, launcher: int) -> None:
-    """One task in its own process. Ends with the launcher; leaves the terminal's Ctrl-C to it."""
+    """One task in its own process. It ends with the launcher, which alone handles Ctrl-C."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != launcher:
         os._exit(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         write_result(directory, task.key, import_module(module).run(task.parameters))
-    except Exception as error:  # whatever it is, it is reported and the other tasks go on
+    except Exception as error:  # any error is reported, and the other tasks continue
         write_failure(directory, task.key, one_line(error))
         sys.exit(1)
 
@@ -153,7 +153,7 @@ def run_on_cluster(
 
 @contextmanager
 def _without_logs() -> Iterator[None]:
-    """Turns off logging up to the level of errors."""
+    """Disables logging up to the level of errors."""
     before = logging.root.manager.disable
     logging.disable(logging.ERROR)
     try:

@@ -11,7 +11,7 @@ from fbql_studies.common.drawing import BLUE, GREEN, VERMILLION, draw_learning
 
 
 def scaling_figure(numbers: Mapping[str, Any]) -> Figure:
-    """Memory and learning with more and more behaviors."""
+    """Memory and learning with an increasing number of behaviors."""
     figure = Figure((9.5, 3.2), layout="constrained")
     axes = figure.subplots(1, 3)
     memory = numbers["memory"]

@@ -1,7 +1,7 @@
 """The paper's drawback: there are as many joint states as the product of the leaf counts. fbql with 3, 4, 6 and 8 behaviors.
 
 The fourth behavior is the example's (examples/shooting). Further ones are trees of the same behaviors from other
-demonstrations, under names of their own: they add nothing that the team could not do before, which is the hard case.
+demonstrations, under their own names: they add no new skill to the team, which is the hard case.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def method_of(n: int) -> str:
 
 
 def table(results: Mapping[str, Result]) -> list[Row]:
-    """Number of behaviors x memory and what was reached; memory is the mean over trainings."""
+    """Memory and performance for each number of behaviors; memory is the mean over trainings."""
     by_method = runs_by_method((run for result in results.values() for run in result["runs"]), _methods())
     trainings = _trainings(results)
     rows: list[Row] = []

@@ -14,14 +14,14 @@ from fbql_studies.common.variants import Changes, Variants, changing
 from fbql_studies.runner.study import Result
 
 DESCRIPTION = (
-    "fbql with other values of its parameters and other guides, each trained and played frozen like the default"
+    "fbql with other values of its parameters and other guides, each variant trained and played frozen like the default"
 )
 CAPTIONS = {
     "fusion_sensitivity": "What a goal costs with other values and guides, relative to the default on the same episodes, with 95 % intervals",
 }
 COLUMNS, words = variants.COLUMNS, variants.words
 SEEDS = Seeds(1101, 3000)
-"""The seeds that the defaults were chosen on; the ladder and the ablation judge on others."""
+"""The seeds that the defaults were chosen on; the ladder and the ablation evaluate on others."""
 
 
 def _series(name: str, parameter: str, *values: Any) -> dict[str, Changes]:

@@ -42,7 +42,7 @@ BEHAVIORS = tuple(RECIPES)
 
 
 def draw_all(results: Mapping[str, Result], directory: Path) -> list[Path]:
-    """Draws every figure that the results have something for."""
+    """Draws every figure for which there are results."""
     known = next((result["leaves"] for result in results.values() if "leaves" in result), None)
     sizes = [row for result in results.values() for row in result.get("sizes", [])]
     methods = methods_of(results)
@@ -274,7 +274,8 @@ def play_figure(methods: Mapping[str, Mapping[int, Any]]) -> Figure:
 
 
 def _is_played_in_full(method: str, by_seed: Mapping[int, Any]) -> bool:
-    """Whether a method's trees were played with all thresholds; of those that are the same, only the ones of 50 trials."""
+    """Whether a method's trees were played with all thresholds; of methods with the same name, only those with 50
+    trials."""
     in_full = all(len(each["play"]) == len(SETTINGS) for each in by_seed.values())
     return in_full and not method.endswith((" rl 200", " rl 1000"))
 

@@ -28,7 +28,7 @@ KNOWN_SEEDS = range(1, 9)
 BANDS = {"ball_seeking": (95, 135), "wall_avoiding": (7, 15), "approaching": (30, 42)}
 """Accepted leaf counts, around the paper's 122, 11 and 37."""
 SHIPPED = "weighted rl 50"
-"""The method of the trees that ship, the reference of every comparison."""
+"""The method of the shipped trees, the reference of every comparison."""
 
 
 Method = Callable[[PatternSet], Grown | None]
@@ -36,7 +36,7 @@ Method = Callable[[PatternSet], Grown | None]
 
 
 def within_printed_limits(patterns: PatternSet) -> Grown:
-    """The weighted objective with the stop criteria of the printed one: the effect of the objective alone."""
+    """The weighted objective with the stop criteria of the printed one: isolates the effect of the objective."""
     limits = patterns.recipe.printed
     return induced(patterns, "weighted", method="dp", min_range=limits.min_range, min_patterns=limits.min_patterns)
 
@@ -81,7 +81,7 @@ def _of_objective(objective: str) -> dict[str, Method]:
 
 
 def _without_optimism(objective: str) -> dict[str, Method]:
-    """Q starts at 0 and exploration is by chance alone: all actions of the first trial are random, none of the last."""
+    """Q starts at 0 and exploration is purely random: all actions of the first trial are random, none of the last."""
     usual = partial(induced, objective=objective, optimism=0.0, epsilon_start=1.0, epsilon_end=0.0)
     return {f"{objective} rl {n}, Q from 0": partial(usual, trials=n) for n in TRIALS}
 
@@ -103,7 +103,7 @@ FAMILIES: Mapping[str, Mapping[str, Method]] = {
         "optimal": lambda patterns: optimal(patterns, 5, patterns.equal_leaves),
     },
 }
-"""Family -> method -> what makes it. `optimal` needs pystreed."""
+"""Family -> method -> the function that makes it. `optimal` needs pystreed."""
 
 
 def methods_of(results: Mapping[str, Result]) -> dict[str, dict[int, dict[str, Any]]]:

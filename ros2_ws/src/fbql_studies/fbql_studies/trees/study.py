@@ -1,8 +1,8 @@
 """Trees from demonstrations: objectives and methods over demonstration seeds, by held-out error and by play.
 
-Demonstration seeds from FIRST_SEED on were seen by no tuning; the recipes' settings were chosen on seeds 1 to 8, whose leaf
-counts are a part of this study. The run seed of play is the demonstration seed, so that all methods of a seed
-meet the same episodes.
+Demonstration seeds from FIRST_SEED on were used in no tuning; the recipes' settings were chosen on seeds 1 to 8, whose
+leaf counts are a part of this study. The run seed of play is the demonstration seed, so that all methods of a seed meet
+the same episodes.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def tasks(options: argparse.Namespace) -> list[StudyTask]:
 
 
 def run(parameters: Parameters) -> Result:
-    """Does one task."""
+    """Runs one task."""
     if parameters["part"] == "known":
         return _leaf_counts()
     if parameters["part"] == "sizes":
@@ -177,7 +177,7 @@ def _played(trees: Mapping[str, Tree], name: str, seed: int, episodes: int) -> R
 
 
 def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
-    """Draws every figure that the results have something for."""
+    """Draws every figure for which there are results."""
     from fbql_studies.trees.figures import draw_all
 
     return draw_all(results, directory)

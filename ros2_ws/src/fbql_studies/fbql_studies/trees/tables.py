@@ -33,7 +33,7 @@ SHOWN = (
     "optimal",
     "one leaf",
 )
-"""The methods that have rows of their own; the others differ in the number of trials."""
+"""The methods that have their own rows; the others differ in the number of trials."""
 ENDINGS = ("", ", Q from 0")
 COSTS = (0.0, 0.002, 0.006, 0.01, 0.025, 0.06, 0.1, 0.2, 0.3, 0.4)
 """The costs of a split that are shown [nat]; the recipes' are among them or near."""
@@ -83,7 +83,7 @@ COLUMNS = {
     "band": "how many there should be",
     "inside": "how many of the trees have so many",
 }
-"""Column -> what it says."""
+"""Column -> its meaning."""
 
 
 def words(rows: Sequence[Row]) -> dict[str, Table]:
@@ -214,7 +214,7 @@ def settings_of(method: str) -> tuple[str, ...]:
 
 
 def table(results: Mapping[str, Result]) -> list[Row]:
-    """Four tables: each method's trees, their worth in play, leaves and error against size, leaves of known seeds."""
+    """Four tables: each method's trees, their play, leaves and error against size, leaves of known seeds."""
     by_method = methods_of(results)
     rows = [_tree_summary(method, behavior, by_method) for method in by_method for behavior in RECIPES]
     rows += [
@@ -287,7 +287,7 @@ def _error_to(other: str, method: str, behavior: str, by_method: Mapping[str, Ma
 
 
 def _play_summary(method: str, name: str, by_method: Mapping[str, Mapping[int, Any]]) -> Row:
-    """Sums over the seeds, with bootstrap intervals over them, and a paired test against the trees that ship."""
+    """Sums over the seeds, with bootstrap intervals over them, and a paired test against the shipped trees."""
     by_seed = by_method[method]
     scores = {seed: _score(each, name) for seed, each in by_seed.items()}
     success = _interval(scores.values(), "goals", "episodes")
@@ -315,7 +315,7 @@ def _play_summary(method: str, name: str, by_method: Mapping[str, Mapping[int, A
 
 
 def _compared(paired: Sequence[tuple[Score, Score]]) -> Row:
-    """cost/goal relative to the trees that ship, on the same seeds: the ratio, its interval, and p."""
+    """cost/goal relative to the shipped trees, on the same seeds: the ratio, its interval, and p."""
     ratio, p = Interval(nan, nan, nan), None
     if paired and all(ours.goals and theirs.goals for ours, theirs in paired):
         costs = [(ours.steps / ours.goals, theirs.steps / theirs.goals) for ours, theirs in paired]

@@ -8,11 +8,11 @@ from fbql_common.core.types import DRIVER_BLEND
 from fbql_fusion.core.controllers.interface import Transition
 from fbql_fusion.core.learners.literal.equations import (
     bounded_weights,
+    count_ties,
     fused_value,
     maxima,
     normalised,
     printed_weights,
-    tied,
     updated_q,
 )
 from fbql_fusion.core.learners.literal.learner import FbqlLiteral
@@ -181,11 +181,11 @@ def test_one_reward_parts_the_q_of_its_own_state_by_the_weights_and_of_no_other(
 
 def test_a_joint_state_is_tied_where_all_q_are_equal_to_the_last_bit() -> None:
     q = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, np.nextafter(1.0, 2.0)], [2.5, 2.5, 2.5], [1.0, 1.0, 0.0]])
-    assert tied(q) == 2
-    assert tied(q[:0]) == 0
+    assert count_ties(q) == 2
+    assert count_ties(q[:0]) == 0
 
 
 @pytest.mark.parametrize("n", [1, 2, 8])
 def test_one_behavior_is_always_tied_and_the_number_of_behaviors_stands_nowhere(n: int) -> None:
-    assert tied([[0.5] * n]) == 1
-    assert tied([[0.5] * (n - 1) + [0.25]]) == (n == 1)
+    assert count_ties([[0.5] * n]) == 1
+    assert count_ties([[0.5] * (n - 1) + [0.25]]) == (n == 1)

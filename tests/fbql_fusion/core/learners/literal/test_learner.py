@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fbql_common.core.types import DRIVER_BLEND, World
 from fbql_fusion.core.controllers.interface import Transition
-from fbql_fusion.core.learners.literal.equations import tied
+from fbql_fusion.core.learners.literal.equations import count_ties
 from fbql_fusion.core.learners.literal.learner import FbqlLiteral
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.session import Session
@@ -33,7 +33,7 @@ def test_where_a_tie_changes_nothing_no_reward_ever_parts_equal_weights(
         literal.learn(Transition((state,) * n, (1 / n,) * n, DRIVER_BLEND, reward, (following,) * n, terminated, False))
     arrays = literal.to_arrays()
     assert (arrays["weights"] == 1 / n).all()
-    assert tied(arrays["q"]) == len(arrays["q"]) > 0
+    assert count_ties(arrays["q"]) == len(arrays["q"]) > 0
 
 
 def three_times_as_fast_up(_: World, answers: Answers) -> Answers:
@@ -60,6 +60,6 @@ def test_literal_fbql_in_which_a_tie_changes_nothing_is_its_frozen_twin_and_equa
     policy = literal.policy()
     assert policy is not None
     q = policy.arrays["q"]
-    assert tied(q) == len(q) > 10
+    assert count_ties(q) == len(q) > 10
     assert np.abs(q).max() > 0.5, "rewards did come"
     assert played(controller="fbql_literal", tie_rule="first").digest != literal.digest

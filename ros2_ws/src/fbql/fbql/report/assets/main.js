@@ -7,7 +7,7 @@ const KEYS = [
   [["Home"], "Home", "first step of the episode", (player) => player.seek(player.episode.first)],
   [["End"], "End", "last step of the episode", (player) => player.seek(player.episode.first + player.episode.count - 1)],
   ...JUMPS.map(([name, words, key]) => [
-    [key, key.toUpperCase()], key, `next ${words.replace(/^\W /, "")}; with Shift the one before`, (player, back) => player.jump(name, back ? -1 : 1),
+    [key, key.toUpperCase()], key, `next ${words.replace(/^\W /, "")}; with Shift the previous one`, (player, back) => player.jump(name, back ? -1 : 1),
   ]),
   [["-"], "−", "slower", (player) => player.faster(-1)],
   [["+", "="], "+", "faster", (player) => player.faster(1)],
@@ -157,7 +157,7 @@ function trouble(words) {
 }
 
 if (!window.DecompressionStream || !Array.prototype.findLast) {
-  trouble("This browser is too old to unpack the steps: it takes Chrome or Edge 103, Firefox 113, Safari 16.4, or newer. The tables below can be read.");
+  trouble("This browser is too old to unpack the steps; the page needs Chrome or Edge 103, Firefox 113, Safari 16.4, or newer. The tables below can be read.");
 } else {
   readColumns().then(main).catch((error) => {
     trouble(`The steps can't be shown: ${error.message}. The tables below can be read.`);

@@ -44,7 +44,7 @@ function events(step) {
   if (!columns.has("goal") || !flag("has_world", step)) return "n/a";
   const found = [
     ["goal", "● goal"], ["own_goal", "✕ own goal"], ["truncated", "◆ time limit"],
-    ["collision_begun", "▼ collision begins"], ["collision", "in contact with a wall"], ["begins_again", "the episode begins again"],
+    ["collision_begun", "▼ collision begins"], ["collision", "in contact with a wall"], ["begins_again", "the episode restarts"],
   ].filter(([name]) => flag(name, step)).map(([, words]) => words);
   if (flag("degraded", step)) found.push("degraded: an answer was missing");
   return found.join(", ") || "none";
@@ -86,23 +86,23 @@ function choice(driver, step) {
   if (run.phases[place("phase", step)] === "guided" || learned.includes(null)) return "";
   const weights = learned.map((weight, k) => `${signOf(k)} ${number(100 * weight, 1)} %`).join(", ");
   const most = learned[driver] === Math.max(...learned) ? "which had the most weight" : "drawn";
-  return `, ${most} of what was learned for this situation (${weights})`;
+  return `, ${most} of the weights learned for this situation (${weights})`;
 }
 
 /** Why the command is what it is, in words. */
 function why(step) {
-  if (!flag("has_decision", step)) return "What was decided here is not in the recording.";
+  if (!flag("has_decision", step)) return "The decision at this step is not in the recording.";
   const driver = place("driver", step);
   const motion = run.commands[place("command_words", step)] ?? "n/a";
-  if (flag("terminated", step) || flag("truncated", step)) return `The episode ends here: ${events(step)}. The robot is told: ${motion}.`;
+  if (flag("terminated", step) || flag("truncated", step)) return `The episode ends here: ${events(step)}. The command: ${motion}.`;
   const guided = run.phases[place("phase", step)] === "guided" ? " (the guide's choice)" : "";
   if (driver !== null) {
     const found = rule(driver, step);
     const reason = found === null ? ruleText(driver, step) : `its rule there: ${found[0]} → ${found[1]}`;
-    return `${signOf(driver)} ${run.behaviors[driver]} drives alone${guided}${choice(driver, step)}; ${reason}. So the robot is told: ${motion}.`;
+    return `${signOf(driver)} ${run.behaviors[driver]} drives alone${guided}${choice(driver, step)}; ${reason}. So the command is: ${motion}.`;
   }
   const order = run.behaviors.map((_, k) => k).filter((k) => value(`weights.${k}`, step) > 0);
-  if (!order.length) return `Nobody drives: no behavior has any weight. So the robot is told: ${motion}.`;
+  if (!order.length) return `Nobody drives: no behavior has any weight. So the command is: ${motion}.`;
   order.sort((a, b) => value(`weights.${b}`, step) - value(`weights.${a}`, step));
   const parts = order.map((k) => {
     const share = `${number(100 * value(`weights.${k}`, step), 1)} %`;

@@ -155,7 +155,7 @@ class Timelines {
     strip.pen.fillStyle = colours.ink;
     for (const i of collisions) strip.pen.fillText("▼", strip.x(this.share(i)), strip.top + 4);
     const sum = found.reduce((total, [, reward]) => total + reward, 0);
-    strip.canvas.setAttribute("aria-label", `${found.length} rewards, in sum ${brief(sum)}; ${collisions.length} collisions`);
+    strip.canvas.setAttribute("aria-label", `${found.length} rewards, ${brief(sum)}; ${collisions.length} collisions`);
   }
 
   q(strip) {

@@ -1,4 +1,4 @@
-"""A controller that a user brought along, so that whatever is wrong with it is one line and not a traceback."""
+"""Wraps a user-supplied controller, so that any error in it is one line and not a traceback."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _LEARNS = ("learn", "to_arrays", "load_arrays")
 
 
 class Guarded:
-    """Hands every call on. Raises BadInput for what the controller raises, and for a selection that can't be used.
+    """Forwards every call. Raises BadInput for any exception of the controller, and for a selection that can't be used.
 
     Args:
-        where: how it is called in an error: "controller 'mine'".
-        file: its source, whose lines are named in errors; "" where it is not known.
+        where: its name in errors: "controller 'mine'".
+        file: its source, whose lines are named in errors; "" if it is not known.
         behaviors: n.
     """
 
@@ -41,7 +41,7 @@ class Guarded:
         selection = self._call("select", world, joint_state, outputs)
         wrong = _why_unusable(selection, self._behaviors)
         if wrong:
-            raise BadInput(f"{self._where}: 'select' gives {wrong}")
+            raise BadInput(f"{self._where}: 'select' returns {wrong}")
         weights, driver, q, learned = selection
         return (
             tuple([float(x) for x in weights]),
@@ -75,7 +75,7 @@ class GuardedLearner(Guarded):
 
 
 def guard(controller: Any, name: str, file: str, behaviors: int) -> Controller:
-    """A guarded controller, which is a `Learner` where this one has all of a learner's methods.
+    """A guarded controller, which is a `Learner` if the given one has all of a learner's methods.
 
     Raises BadInput where a method is missing.
     """
@@ -91,7 +91,7 @@ def guard(controller: Any, name: str, file: str, behaviors: int) -> Controller:
 
 
 def guarded_call(function: Callable[..., Any], where: str, file: str, *arguments: Any) -> Any:
-    """Calls a user's function. Raises BadInput, in one line, for whatever it raises."""
+    """Calls a user's function. Turns anything that it raises into a BadInput of one line."""
     try:
         return function(*arguments)
     except BadInput:

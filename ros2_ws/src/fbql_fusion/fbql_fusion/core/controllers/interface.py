@@ -15,15 +15,16 @@ from numpy.typing import NDArray
 JointState = tuple[int, ...]
 """(c_1 ... c_n): the leaf_id of each behavior."""
 Selection = tuple[tuple[float, ...], int, tuple[float, ...], tuple[float, ...]]
-"""(weights, driver, q, learned weights): length n; an index or DRIVER_BLEND; length n, or empty where nothing is learned;
-length n, or empty where the controller does not learn.
+"""(weights, driver, q, learned weights): length n; an index or DRIVER_BLEND; length n, or empty where nothing is
+learned; length n, or empty where the controller does not learn.
 
-The learned weights are w(s, B_i) as the learner has them, also where one behavior drives alone, chosen by them.
+The learned weights are the learner's w(s, B_i), also when they were only used to choose the one behavior that drives.
 """
 
 
 class Transition(NamedTuple):
-    """From one step to the next: what a controller learns from. It is complete: no step or answer is missing."""
+    """A transition from one step to the next, from which a controller learns. It is complete: no step or answer is
+    missing."""
 
     joint_state: JointState
     """s"""
@@ -38,14 +39,14 @@ class Transition(NamedTuple):
     terminated: bool
     """s' is terminal: nothing follows it, so it is worth 0."""
     truncated: bool
-    """The time limit ended the episode in s'. The task goes on from there, so s' is worth what its Q says."""
+    """The time limit ended the episode in s'. The task continues from there, so the value of s' is given by its Q."""
 
 
 class Controller(Protocol):
     """Decides the weights of a step."""
 
     def begin_episode(self, phase: Phase) -> None:
-        """A new episode begins. In a guided one the guide drives instead of what is selected."""
+        """A new episode begins. In a guided one the guide drives, and the selection is not executed."""
         ...
 
     def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
@@ -54,7 +55,8 @@ class Controller(Protocol):
         Args:
             world: the world state.
             joint_state: length n, NO_LEAF where a behavior did not answer.
-            outputs: length n, None where a behavior did not answer. Its weight need not be 0: blending sees to it.
+            outputs: length n, None where a behavior did not answer. Its weight need not be 0: blending takes care of
+                that.
         """
         ...
 
@@ -77,5 +79,5 @@ class Learner(Controller, Protocol):
         ...
 
     def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Takes over what `to_arrays` gave. Raises BadInput where the arrays can't be it."""
+        """Restores what `to_arrays` returned. Raises BadInput for arrays that can't come from it."""
         ...

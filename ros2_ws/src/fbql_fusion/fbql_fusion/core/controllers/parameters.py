@@ -11,14 +11,16 @@ CONTROLLERS = ["fbql", "fbql_literal", "fbql_value", "subsumption", "uniform"]
 UP_TO_THE_CONTROLLER = -1
 """The value of `guided` that leaves the number of guided episodes to the controller."""
 GUIDED_EPISODES = 20
-"""Guided episodes of a learning controller, unless said otherwise (the paper's III.B)."""
+"""Default number of guided episodes of a learning controller (the paper's III.B)."""
 
 
 @dataclass(frozen=True)
 class SessionParameters:
     """A controller's own parameters are a dataclass that inherits from this one."""
 
-    controller: str = parameter("subsumption", "who fuses; fbql_literal: as the paper prints it", choices=CONTROLLERS)
+    controller: str = parameter(
+        "subsumption", "controller that fuses the behaviors; fbql_literal: as printed in the paper", choices=CONTROLLERS
+    )
     behaviors: list[str] = parameter(
         ["ball_seeking", "wall_avoiding", "approaching"], "names of the behaviors that are fused, in order"
     )

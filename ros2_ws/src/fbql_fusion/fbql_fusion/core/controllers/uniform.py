@@ -1,4 +1,4 @@
-"""The controller without any choice, to compare with."""
+"""A baseline controller that makes no choice."""
 
 from __future__ import annotations
 

@@ -20,9 +20,9 @@ from fbql_fusion.core.controllers.interface import JointState, Selection
 from fbql_fusion.core.controllers.parameters import SessionParameters
 
 Trigger = Callable[[World, BehaviorOutput], bool]
-"""Whether a behavior wants to drive, by the world state and its own answer to it."""
+"""Whether a behavior wants to drive, given the world state and its own answer to it."""
 FROM_PRESET = -1.0
-"""A threshold of this value (or any negative one) is the preset's."""
+"""This value, like any negative threshold, stands for the preset's threshold."""
 
 
 class Thresholds(NamedTuple):
@@ -34,7 +34,7 @@ class Thresholds(NamedTuple):
 
 PRESETS = {"paper": Thresholds(0.07, 2.2), "tuned": Thresholds(0.07, 0.10)}
 """`paper`: a low threshold for walls and a high one for psi, so that ball seeking drives most of the time, as in the paper's
-Fig. 9 with its many own goals. `tuned`: the honest control, tuned for the shipped trees on training seeds."""
+Fig. 9 with its many own goals. `tuned`: the fair baseline, tuned for the shipped trees on training seeds."""
 
 
 @owned_by("subsumption")
@@ -42,7 +42,7 @@ Fig. 9 with its many own goals. `tuned`: the honest control, tuned for the shipp
 class SubsumptionParameters(SessionParameters):
     """Its layers and when they are triggered."""
 
-    preset: str = parameter("tuned", "Subsumption's thresholds, where not given one by one", choices=tuple(PRESETS))
+    preset: str = parameter("tuned", "Subsumption's thresholds, unless given individually", choices=tuple(PRESETS))
     wall_threshold_m: float = parameter(
         FROM_PRESET, "Subsumption avoids walls nearer than this; negative: the preset's", unit="m", low=-1.0, high=10.0
     )
@@ -60,7 +60,7 @@ class SubsumptionParameters(SessionParameters):
 
     @property
     def thresholds(self) -> Thresholds:
-        """The thresholds in force: the preset's, where none is given."""
+        """The thresholds in force: the preset's, unless given."""
         preset = PRESETS[self.preset]
         return Thresholds(
             self.wall_threshold_m if self.wall_threshold_m >= 0.0 else preset.wall_m,
@@ -77,10 +77,10 @@ class Layer(NamedTuple):
 
 
 def trigger_of(name: str, thresholds: Thresholds) -> Trigger:
-    """When a behavior wants to drive.
+    """The trigger of a behavior.
 
-    A behavior without a threshold of its own wants to drive wherever its observation lies inside its tree's root region:
-    where it was demonstrated what to do.
+    A behavior without its own threshold wants to drive wherever its observation lies inside its tree's root region,
+    which is where its driving was demonstrated.
     """
     wall_m, approach_rad = thresholds
 
@@ -109,7 +109,7 @@ def layers_of(parameters: SubsumptionParameters) -> tuple[Layer, ...]:
 def driver_of(layers: Sequence[Layer], world: World, outputs: Sequence[BehaviorOutput | None]) -> int:
     """Index of the behavior that drives: of the highest triggered layer whose behavior answered.
 
-    Where no trigger fires, the lowest layer whose behavior answered drives: below it there is nobody.
+    If no trigger fires, the lowest layer whose behavior answered drives, since there is none below it.
 
     Returns:
         The index, or DRIVER_BLEND where no layer's behavior answered.
@@ -137,6 +137,6 @@ class Subsumption:
         """Nothing is remembered from one step to the next."""
 
     def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
-        """Weight 1 for the driver. Nobody drives where no layer's behavior answered."""
+        """Weight 1 for the driver. No behavior drives if no layer's behavior answered."""
         driver = driver_of(self._layers, world, outputs)
         return (self._alone[driver] if driver >= 0 else self._nobody), driver, (), ()

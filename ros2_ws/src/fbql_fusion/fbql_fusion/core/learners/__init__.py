@@ -1,1 +1,1 @@
-"""The controllers that learn, a folder each, and beside them what they share."""
+"""The controllers that learn, one folder each, and the modules that they share."""

@@ -1,8 +1,8 @@
-"""The features of a step: which joint leaves, and which regions of what the behaviors sense, it falls into.
+"""The features of a step: the joint leaves, and the regions of what the behaviors sense, that it falls into.
 
 A feature is active or not. Each step has the same number of active features, and a feature gets its index when it is met
-for the first time, so that memory grows with what was visited and never with the product of the leaves. Nothing here
-knows what a behavior senses: its numbers are ranked among those of the first episodes (`Scales`).
+for the first time, so that memory grows with the visited situations and never with the product of the leaves. Nothing
+here knows what a behavior senses: the values are ranked among those of the first episodes (`Scales`).
 
 The weights depend on nothing else. The critic V, needed only while learning, may see the world state as well
 (`world_tiles`).
@@ -28,20 +28,20 @@ from fbql_fusion.core.learners.world_tiles import GROUPS, world_tiles
 KNOTS = 17
 """Quantiles that a component's scale is made of."""
 SIGNED_SHARE = 0.1
-"""A component is signed where at least this share of its values is below 0, and above."""
+"""A component is signed if at least this share of its values is below 0, and at least this share above."""
 _MIX = 1_000_003
 _BELOW_ONE = 1.0 - 1e-12
 
 
 class Situation(NamedTuple):
-    """What the features are made of: everything the behaviors say of a step, without their references."""
+    """The input of the features: everything that the behaviors report in a step, except their references."""
 
     joint_state: JointState
     """Length n."""
     observed: tuple[tuple[float, ...], ...]
     """What each behavior senses, length n; empty where it did not answer."""
     critic_inputs: tuple[float, ...] = ()
-    """What the critic sees beside that, `world_tiles.critic_inputs`; empty where it sees no more."""
+    """What the critic sees in addition, `world_tiles.critic_inputs`; empty if it sees no more."""
 
 
 class Scales:
@@ -69,7 +69,7 @@ class Scales:
 
     @classmethod
     def of(cls, situations: Sequence[Situation], mirror: bool) -> Scales:
-        """The scales of what was sensed in situations, at least one, in which every behavior answered."""
+        """The scales of the values sensed in one or more situations in which every behavior answered."""
         lengths = [len(observed) for observed in situations[0].observed]
         values = np.array([[x for observed in each.observed for x in observed] for each in situations])
         share = SIGNED_SHARE * len(values)
@@ -83,7 +83,8 @@ class Scales:
         return cls(np.ascontiguousarray(knots), signed, lengths)
 
     def ranks(self, observed: Sequence[Sequence[float]]) -> list[float | None]:
-        """The rank of each component, length d; None for those of a behavior that did not answer, or says something else.
+        """The rank of each component, length d; None for those of a behavior that did not answer, or reported a
+        different number of values.
 
         Args:
             observed: what each behavior senses, length n.
@@ -122,7 +123,7 @@ class Resolution(NamedTuple):
     leaf_pairs: bool = True
     """Whether there is a feature for each leaf and each pair of leaves."""
     pair_tilings: int = 4
-    """Tilings of what each two behaviors sense."""
+    """Tilings of what each pair of behaviors senses."""
     pair_tiles: int = 6
     """Tiles along each component of such a tiling."""
     joint_tilings: int = 4
@@ -130,7 +131,7 @@ class Resolution(NamedTuple):
     joint_tiles: int = 4
     """Tiles along each component of such a tiling."""
     world_tilings: int = 0
-    """Tilings of the world state, for each of `world_tiles.GROUPS`, which V alone sees."""
+    """Tilings of the world state, for each of `world_tiles.GROUPS`, which only V sees."""
     mirror: bool = True
     """Whether situations that mirror each other share their tiles."""
 
@@ -196,15 +197,15 @@ class Features:
         return np.fromiter(self._index, dtype=np.int64, count=len(self._index))
 
     def load_keys(self, keys: NDArray[np.int64]) -> None:
-        """Restores keys as `keys` gives them. Raises BadInput for a key twice."""
+        """Restores keys as `keys` returns them. Raises BadInput for a duplicate key."""
         index = {key: i for i, key in enumerate(keys.tolist())}
         if len(index) != len(keys):
             raise BadInput("the policy's array 'keys' has a feature twice")
         self._index = index
 
     def row(self, situation: Situation) -> list[int]:
-        """The active features, then those of the critic's further inputs: what is kept of a situation to learn from. Those
-        met for the first time get an index. Where V sees more, the situation has to have it."""
+        """The active features, then those of the critic's further inputs: the part of a situation that is kept to
+        learn from. Features met for the first time get an index. If V sees more, the situation must contain it."""
         index = self._index
         keys = self._keys(situation, situation.critic_inputs if self.critic_features else ())
         try:
@@ -222,10 +223,10 @@ class Features:
         return [index[key] for key in self._keys(situation, ()) if key in index]
 
     def _keys(self, situation: Situation, critic_inputs: tuple[float, ...]) -> list[int]:
-        """A number for each active feature, and then for each tile of the critic's inputs, if there are any: equal for equal
-        features, and for others only with probability 2^-62.
+        """A number for each active feature, and then for each tile of the critic's inputs, if there are any: equal for
+        equal features, and for different ones only with probability 2^-62.
 
-        Those of leaves are below 0, where no tile's are.
+        Only the keys of leaves are below 0.
         """
         leaves = situation.joint_state
         keys = [base - leaf for base, leaf in zip(self._leaves, leaves) if leaf != NO_LEAF]  # noqa: B905 - none, or as many
@@ -258,7 +259,7 @@ class Features:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], resolution: Resolution, behaviors: int) -> Features:
-        """The features that `to_arrays` gave. Raises BadInput where the arrays can't be that."""
+        """The features that `to_arrays` returned. Raises BadInput for arrays that can't come from it."""
         check_arrays(arrays, {"lengths": ("i", (behaviors,)), "signed": ("b", (rows_of(arrays, "signed"),))})
         _check_resolution(arrays, resolution)
         lengths: list[int] = arrays["lengths"].tolist()
@@ -276,7 +277,7 @@ class Features:
 
 
 def _check_resolution(arrays: Mapping[str, NDArray[Any]], expected: Resolution) -> None:
-    """Raises BadInput where features were made with another resolution than the parameters'."""
+    """Raises BadInput if features were made with a resolution other than the parameters'."""
     check_arrays(arrays, {"resolution": ("i", (len(expected),))})
     for name, found, given in zip(Resolution._fields, arrays["resolution"].tolist(), expected, strict=True):
         if found != given:

@@ -1,8 +1,8 @@
-"""What the learners that hold their decisions share: features, the trajectory under way, and how a decision is made.
+"""Shared by the learners that hold their decisions: features, the trajectory in progress, and how a decision is made.
 
-A decision is an option (Sutton, Precup & Singh 1999): one behavior drives for several steps, so that learning is that of a
-semi-Markov decision process. What a decision is worth, and how that is learned, is for the learner: `Fbql` (PPO) or
-`FbqlValue` (action values).
+A decision is an option (Sutton, Precup & Singh 1999): one behavior drives for several steps, so that the learning
+problem is a semi-Markov decision process. What a decision is worth, and how that is learned, is up to the learner:
+`Fbql` (PPO) or `FbqlValue` (action values).
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from numpy.typing import NDArray
 from fbql_fusion.core.controllers.interface import JointState, Selection, Transition
 from fbql_fusion.core.learners import trajectories
 from fbql_fusion.core.learners.features import Features, Resolution, Scales, Situation
-from fbql_fusion.core.learners.linear import CAPACITY, Floats, grown, padded
+from fbql_fusion.core.learners.linear import CAPACITY, Floats, grow_table, padded
 from fbql_fusion.core.learners.parameters import FeatureParameters
 from fbql_fusion.core.learners.policy_arrays import check_arrays, generator_state, set_generator_state
 from fbql_fusion.core.learners.trajectories import Trajectory
 from fbql_fusion.core.learners.world_tiles import FAR, critic_inputs
 
 FIRST_EPISODES = 20
-"""Episodes that the scales are made of where none is guided."""
+"""Episodes that the scales are made of if none is guided."""
 _FIRST_BATCH = 2
 _BATCH_GROWTH = 20
-"""Episodes after which a batch has one episode more."""
+"""Number of episodes after which a batch grows by one episode."""
 _ALWAYS = {"counts": ("i", (2,)), "generator": ("u", (6,))}
 """Kind and shape of the arrays that every policy has."""
 
 Values = tuple[tuple[float, ...], tuple[float, ...]]
-"""(weights, q) of a situation, each of length n; q is empty where only weights are learned."""
+"""(weights, q) of a situation, each of length n; q is empty if only weights are learned."""
 
 
 class Holding(NamedTuple):
@@ -52,13 +52,13 @@ class Holding(NamedTuple):
     discount: float
     """gamma, per step."""
     batch_episodes: int
-    """Episodes in a batch, later on."""
+    """Episodes in a batch, once it has grown to its full size."""
     world_tilings: int
     """Tilings of the world state that a critic sees, see `Resolution`."""
 
 
 class HeldDecisions(ABC):
-    """Decides every few steps who drives, and collects what came of it."""
+    """Decides every few steps which behavior drives, and collects the outcomes."""
 
     def __init__(self, parameters: FeatureParameters, holding: Holding, generator: np.random.Generator) -> None:
         self._parameters = parameters
@@ -82,17 +82,17 @@ class HeldDecisions(ABC):
         """Episodes that ended, guided ones not counted."""
         self._updates: int = 0
         self._waiting: list[Trajectory] = []
-        """Ended episodes that were not learned from yet."""
+        """Ended episodes that have not been learned from yet."""
 
         self._phase = Phase.EVALUATION
         self._trajectory: Trajectory | None = None
-        """That of the episode under way; None where nothing is, or can be, learned from it."""
+        """The trajectory of the episode in progress; None if nothing is, or can be, learned from it."""
         self._linked = False
         """Whether a transition led to the world state that is decided next."""
         self._held_for = 0
         self._weights: tuple[float, ...] = (1.0 / n,) * n
         self._learned: tuple[float, ...] = self._weights
-        """Those that the last decision was made by."""
+        """The weights by which the last decision was made."""
         self._driver = DRIVER_BLEND
         self._q: tuple[float, ...] = ()
         self._visits: dict[JointState, int] = {}
@@ -103,26 +103,26 @@ class HeldDecisions(ABC):
 
     @abstractmethod
     def _evaluate(self, active: Sequence[int]) -> Values:
-        """Weights and Q of a situation with these active features; where it is empty, none is known yet."""
+        """Weights and Q of a situation with these active features; empty means that none is known yet."""
 
     @abstractmethod
     def _learn_first(self) -> None:
-        """Learns from the first trajectories, in `_waiting`. Their features were just made."""
+        """Learns from the first trajectories, in `_waiting`. Their features have just been made."""
 
     @abstractmethod
     def _learn_waiting(self) -> None:
-        """Called when a trajectory was added to `_waiting`: learns from them, if it is time to."""
+        """Called after a trajectory was added to `_waiting`: learns from those waiting if a batch is complete."""
 
     @abstractmethod
     def _tables(self) -> dict[str, Floats]:
-        """The tables of what was learned, a row for each feature, by their names in a policy."""
+        """The learned tables, one row per feature, by their names in a policy."""
 
     @abstractmethod
     def _set_tables(self, tables: Mapping[str, Floats]) -> None:
         """Replaces them."""
 
     def begin_episode(self, phase: Phase) -> None:
-        """A new episode. One that did not end is not learned from."""
+        """Begins a new episode. An unfinished one is not learned from."""
         self._phase = phase
         if self._features is None and self._waiting and phase is not Phase.GUIDED:
             guided = self._waiting[0].guided
@@ -135,7 +135,7 @@ class HeldDecisions(ABC):
         self._visits.clear()
 
     def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
-        """The behavior that is held, alone, or, when its steps are over, that of a new decision."""
+        """The behavior that is being held, or a newly chosen one once its steps are over; it drives alone."""
         complete = None not in outputs
         if self._trajectory is not None and not (self._linked and complete):
             self._trajectory = None  # a step or an answer is missing: what a decision led to is not known
@@ -159,15 +159,15 @@ class HeldDecisions(ABC):
         return self._weights, self._driver, self._q, self._learned
 
     def _situation(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Situation:
-        """What is known of a step; what only the critic sees is added where it is learned from."""
+        """The situation of a step; the critic's further inputs are added if it is learned from."""
         observed = tuple([() if x is None else x.observation for x in outputs])
         if self._trajectory is None or not self._resolution.world_tilings:
             return Situation(joint_state, observed)
         return Situation(joint_state, observed, critic_inputs(world, self._resolution.mirror))
 
     def _is_sound(self, situation: Situation) -> bool:
-        """Whether it can be learned from: every number finite, each behavior senses as many as ever, and the world state is
-        within FAR."""
+        """Whether it can be learned from: every number is finite, each behavior senses as many values as before, and
+        the world state is within FAR."""
         lengths = tuple([len(observed) for observed in situation.observed])
         if self._lengths is None:
             self._lengths = lengths
@@ -180,7 +180,7 @@ class HeldDecisions(ABC):
         return () if self._features is None else self._features.known(situation)
 
     def _decide(self, situation: Situation, outputs: Sequence[BehaviorOutput | None]) -> None:
-        """Who drives for the next steps."""
+        """Decides which behavior drives for the next steps."""
         trajectory = self._trajectory
         features = self._features
         row = features.row(situation) if features is not None and trajectory is not None else None
@@ -204,7 +204,7 @@ class HeldDecisions(ABC):
             trajectory.begin_decision(situation, row, driver, weights[driver])
 
     def _draw(self, weights: Sequence[float]) -> int:
-        """A behavior, each with the probability of its weight."""
+        """Draws a behavior with the weights as probabilities."""
         left = self._generator.random() * sum(weights)
         for driver, weight in enumerate(weights):
             left -= weight
@@ -213,7 +213,7 @@ class HeldDecisions(ABC):
         return max(driver for driver, weight in enumerate(weights) if weight)
 
     def learn(self, transition: Transition) -> None:
-        """Adds a step to the decision under way, which is learned from when its episode has ended."""
+        """Adds a step to the current decision, which is learned from when its episode has ended."""
         self._linked = True
         if self._trajectory is None:
             return
@@ -223,7 +223,7 @@ class HeldDecisions(ABC):
             self._trajectory.terminated = True
 
     def _end(self, trajectory: Trajectory, situation: Situation) -> None:
-        """The episode is complete: `situation` is what it ended in."""
+        """Completes the episode, which ended in `situation`."""
         self._trajectory = None
         if not trajectory.drivers:
             return
@@ -235,11 +235,12 @@ class HeldDecisions(ABC):
             self._learn_waiting()
 
     def _is_batch(self) -> bool:
-        """Whether enough episodes wait. The first batches are small: early episodes are long and teach the most."""
+        """Whether enough episodes are waiting. The first batches are small: early episodes are long and teach the
+        most."""
         return len(self._waiting) >= min(self._holding.batch_episodes, _FIRST_BATCH + self._episodes / _BATCH_GROWTH)
 
     def _make_features(self) -> None:
-        """After the first episodes: makes scales and features of what was sensed in them, and learns from them."""
+        """After the first episodes: makes scales and features from the values sensed in them, and learns from them."""
         situations = [situation for trajectory in self._waiting for situation in trajectory.situations]
         scales = Scales.of(situations, self._resolution.mirror)
         offsets = Features.random_offsets(self._resolution, len(scales.knots), self._generator)
@@ -250,7 +251,7 @@ class HeldDecisions(ABC):
         self._learn_first()
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """Everything learned, and what an exact continuation takes: the generator, and the episodes that wait.
+        """Everything learned, and the state needed to continue exactly: the generator and the waiting episodes.
 
         counts int64 [2] (episodes, updates), generator uint64 [6], the learner's tables float64 [m, ...] (m features); of
         the features see `Features.to_arrays`, of the episodes `trajectories`. As long as there are no features, only counts
@@ -268,7 +269,7 @@ class HeldDecisions(ABC):
         return arrays | self._features.to_arrays() | trajectories.to_arrays(self._waiting)
 
     def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Restores what `to_arrays` gave. Raises BadInput where the arrays can't be that."""
+        """Restores what `to_arrays` returned. Raises BadInput for arrays that can't come from it."""
         check_arrays(arrays, _ALWAYS)
         counts: list[int] = arrays["counts"].tolist()
         self._episodes, self._updates = counts
@@ -288,5 +289,5 @@ class HeldDecisions(ABC):
         return min(self._episodes, self._updates) >= 0
 
     def _grow_tables(self) -> None:
-        """Adds rows for the features that were met since."""
-        self._set_tables({name: grown(table, len(self)) for name, table in self._tables().items()})
+        """Adds rows for features met since the last call."""
+        self._set_tables({name: grow_table(table, len(self)) for name, table in self._tables().items()})

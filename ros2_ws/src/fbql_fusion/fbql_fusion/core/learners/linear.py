@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 CAPACITY = 1 << 14
-"""Rows that a table starts with."""
+"""Number of rows that a table starts with."""
 
 
 def row_sum(table: Floats, active: Sequence[int]) -> list[float]:
@@ -35,7 +35,8 @@ def add_shared(table: Floats, active: NDArray[np.int64], steps: Floats, rate: fl
     """The assignment of eqs. 14, 15 and 20, a minibatch's gradient steps: each of the F features of a decision takes rate / F of its step.
 
     Decisions that share features move each other: by L times its step, if all of them step alike. Where L > 1 (a robot
-    that stands still decides the same over and over) the step is divided by L, so that nothing overshoots its target.
+        that stands still makes the same decision over and over) the step is divided by L, so that nothing overshoots
+        its target.
 
     Args:
         table: [features, n] or [features]; changed in place.
@@ -85,8 +86,8 @@ def log_weight_gradient(weights: Floats, driver: NDArray[np.int64]) -> Floats:
     return step
 
 
-def grown(table: Floats, rows: int) -> Floats:
-    """The table itself where it has that many rows, else a longer one with zeros below: its length is doubled."""
+def grow_table(table: Floats, rows: int) -> Floats:
+    """The table itself if it has that many rows, else one of doubled length, filled with zeros."""
     capacity = len(table)
     while capacity < rows:
         capacity *= 2
@@ -94,7 +95,7 @@ def grown(table: Floats, rows: int) -> Floats:
 
 
 def padded(table: Floats, rows: int) -> Floats:
-    """A copy with that many rows, at least as many as there are; those added are zeros."""
+    """A copy extended to that many rows with zeros."""
     longer = np.zeros((rows, *table.shape[1:]))
     longer[: len(table)] = table
     return longer

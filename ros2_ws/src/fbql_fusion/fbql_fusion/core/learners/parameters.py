@@ -1,4 +1,4 @@
-"""The parameters that `fbql` and `fbql_value` share: which situations they tell apart."""
+"""The parameters that `fbql` and `fbql_value` share: how they distinguish situations."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from fbql_common.core.parameters import owned_by, parameter
 from fbql_fusion.core.controllers.parameters import SessionParameters
 
 PLAYS = ("held", "drawn", "blended")
-"""How a decision becomes weights where nothing is learned: see `fbql_play`."""
+"""How a decision becomes weights while nothing is learned: see `fbql_play`."""
 
 
 @owned_by("fbql", "fbql_value")
 @dataclass(frozen=True)
 class FeatureParameters(SessionParameters):
-    """The features are described in `features`."""
+    """Parameters of the features, which `features` describes."""
 
     fbql_leaf_pairs: bool = parameter(True, "whether each leaf, and each pair of leaves, is a feature")
-    fbql_pair_tilings: int = parameter(4, "tilings of what each two behaviors sense", low=0, high=32)
+    fbql_pair_tilings: int = parameter(4, "tilings of what each pair of behaviors senses", low=0, high=32)
     fbql_pair_tiles: int = parameter(6, "tiles along each component of such a tiling", low=1, high=64)
     fbql_joint_tilings: int = parameter(4, "tilings of what all behaviors sense together", low=0, high=32)
     fbql_joint_tiles: int = parameter(4, "tiles along each component of such a tiling", low=1, high=64)

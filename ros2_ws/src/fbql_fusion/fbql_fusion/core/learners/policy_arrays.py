@@ -1,4 +1,4 @@
-"""The arrays of a policy: checks of what was read, and a random generator's state as numbers."""
+"""The arrays of a policy: validation after reading, and a random generator's state as numbers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def check_arrays(arrays: Mapping[str, NDArray[Any]], expected: Mapping[str, tupl
     """Raises BadInput where an array is missing, of another kind or shape, or has a value that is not finite.
 
     Args:
-        expected: of each array its kind, "l" int32, "i" int64, "u" uint64, "f" float64 or "b" bool, and its shape.
+        expected: for each array its kind ("l" int32, "i" int64, "u" uint64, "f" float64 or "b" bool) and its shape.
     """
     for name, (kind, shape) in expected.items():
         if name not in arrays:
@@ -26,7 +26,7 @@ def check_arrays(arrays: Mapping[str, NDArray[Any]], expected: Mapping[str, tupl
         if found.dtype != _TYPES[kind] or found.shape != shape:
             raise BadInput(
                 f"the policy's array '{name}' is {found.dtype} {list(found.shape)}, "
-                f"expected {np.dtype(_TYPES[kind])} {list(shape)}: it is of other behaviors, parameters or another release; "
+                f"expected {np.dtype(_TYPES[kind])} {list(shape)}: it belongs to other behaviors, parameters or another release; "
                 "train it again"
             )
         if kind == "f" and not np.isfinite(found).all():
@@ -56,7 +56,8 @@ def generator_state(generator: np.random.Generator) -> NDArray[np.uint64]:
 
 
 def set_generator_state(generator: np.random.Generator, words: NDArray[np.uint64]) -> None:
-    """Restores what `generator_state` gave, so that a training resumes exactly. Raises BadInput where it is not a state."""
+    """Restores what `generator_state` returned, so that a training resumes exactly. Raises BadInput if it is not a
+    state."""
     high, low, increment_high, increment_low, has_spare, spare = [int(word) for word in words]
     if not increment_low & 1 or has_spare > 1 or spare >> 32:
         raise BadInput("the policy's array 'generator' is not the state of a generator")

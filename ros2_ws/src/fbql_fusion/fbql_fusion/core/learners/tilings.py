@@ -17,7 +17,7 @@ class Tilings(NamedTuple):
     """K tilings over d components."""
 
     sizes: NDArray[np.float64]
-    """Tiles per unit of each component, 0 where the tiling leaves it out, [K, d]."""
+    """Tiles per unit of each component, 0 if the tiling ignores it, [K, d]."""
     shifts: NDArray[np.float64]
     """In tiles, [K, d]."""
     factors: NDArray[np.int64]
@@ -29,7 +29,8 @@ class Tilings(NamedTuple):
     def of(
         cls, sizes: Sequence[NDArray[np.float64]], shifts: Sequence[NDArray[np.float64]], d: int, first: int
     ) -> Tilings:
-        """Tilings with these sizes and shifts, [d] each. Other tilings take another `first`, so that no key is shared."""
+        """Tilings with these sizes and shifts, [d] each. Different tilings use a different `first`, so that they share
+        no key."""
         count = len(sizes)
         factors = np.array(splitmix64(count * (d + 1), first), dtype=np.int64).reshape(count, d + 1)
         return cls(
@@ -40,9 +41,10 @@ class Tilings(NamedTuple):
         )
 
     def keys(self, values: Sequence[float]) -> list[int]:
-        """The key of the tile of each tiling, 0 .. 2^62 - 1: equal for the same tile, and for others only with probability 2^-62.
+        """The key of the tile of each tiling, 0 .. 2^62 - 1: equal for the same tile, and for different ones only with
+        probability 2^-62.
 
-        It is the sum of the tile's coordinates, each times a factor of its own, modulo 2^62.
+        It is the sum of the tile's coordinates, each times its own factor, modulo 2^62.
 
         Args:
             values: the components, length d.

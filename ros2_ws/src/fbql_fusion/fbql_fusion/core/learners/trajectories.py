@@ -1,4 +1,4 @@
-"""The decisions of whole episodes, and what came of them: what the learners that hold their decisions learn from."""
+"""The decisions of whole episodes and their outcomes, from which the learners that hold their decisions learn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fbql_fusion.core.learners.features import Features, Situation
 from fbql_fusion.core.learners.policy_arrays import check_arrays, check_range, rows_of
 
 _THE_GUIDES = -1
-"""The driver of a guided decision until its first step tells whom the guide chose."""
+"""The driver of a guided decision until its first step shows which behavior the guide chose."""
 
 
 @dataclass
@@ -23,21 +23,21 @@ class Trajectory:
 
     guided: bool
     situations: list[Situation] = field(default_factory=list[Situation])
-    """T + 1 situations, only as long as there are no features for them."""
+    """T + 1 situations, kept only until there are features for them."""
     rows: list[list[int]] = field(default_factory=list[list[int]])
     """Features of the T + 1 situations: those that are active, then those of the critic's further inputs."""
     drivers: list[int] = field(default_factory=list[int])
-    """Who drove after each of the T decisions."""
+    """The behavior that drove after each of the T decisions."""
     old_probs: list[float] = field(default_factory=list[float])
     """The weight by which it was drawn."""
     rewards: list[float] = field(default_factory=list[float])
     """R of each decision."""
     discounts: list[float] = field(default_factory=list[float])
-    """gamma^k of each decision, k the steps that it was held for."""
+    """gamma^k of each decision, where k is the number of steps that it was held."""
     terminated: bool = False
 
     def begin_decision(self, situation: Situation, row: list[int] | None, driver: int, old_prob: float) -> None:
-        """A decision was taken. `row` is its features; None as long as there are none."""
+        """Begins a decision. `row` holds its features; None as long as there are none."""
         self._add(situation, row)
         self.drivers.append(_THE_GUIDES if self.guided else driver)
         self.old_probs.append(old_prob)
@@ -45,7 +45,8 @@ class Trajectory:
         self.discounts.append(1.0)
 
     def add_step(self, driver: int, reward: float, discount: float) -> bool:
-        """A step of the decision under way. False where nobody drove, so that nothing can be learned from it."""
+        """Adds a step to the current decision. Returns False if no behavior drove, so that nothing can be learned from
+        it."""
         if not self.drivers or driver < 0:
             return False
         if self.drivers[-1] == _THE_GUIDES:
@@ -55,12 +56,12 @@ class Trajectory:
         return True
 
     def end(self, situation: Situation, row: list[int] | None) -> None:
-        """The episode ended in this situation."""
+        """Records the situation in which the episode ended."""
         self._add(situation, row)
 
     @property
     def succeeded(self) -> bool:
-        """Whether it ended neither by the time limit nor in a punishment: in a goal, then."""
+        """Whether it ended neither by the time limit nor with a punishment, and so in a goal."""
         return self.terminated and self.rewards[-1] >= 0.0
 
     def _add(self, situation: Situation, row: list[int] | None) -> None:
@@ -78,7 +79,7 @@ def minibatches(decisions: int, size: int, generator: np.random.Generator) -> It
 
 
 def to_arrays(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[Any]]:
-    """Trajectories that were not learned from yet: for E of them with N decisions in all, waiting_lengths int64 [E],
+    """Trajectories not learned from yet: for E of them with N decisions in all, waiting_lengths int64 [E],
     waiting_terminated bool [E], waiting_active (the rows of `Trajectory`) int64 [N + E, F + F'], waiting_driver int64 [N],
     waiting_chance (`old_probs`), waiting_reward and waiting_discount float64 [N]."""
     rows = [row for each in trajectories for row in each.rows]
@@ -94,7 +95,7 @@ def to_arrays(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[Any]]:
 
 
 def from_arrays(arrays: Mapping[str, NDArray[Any]], features: Features, behaviors: int) -> list[Trajectory]:
-    """The trajectories that `to_arrays` gave. Raises BadInput where the arrays can't be that."""
+    """The trajectories that `to_arrays` returned. Raises BadInput for arrays that can't come from it."""
     names = ("lengths", "terminated", "driver", "active", "chance", "reward", "discount")
     count, total = rows_of(arrays, "waiting_lengths"), rows_of(arrays, "waiting_driver")
     width = features.active_features + features.critic_features if count else 0

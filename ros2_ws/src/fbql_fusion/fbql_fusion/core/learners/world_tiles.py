@@ -1,7 +1,9 @@
-"""What the critic V sees beside what the behaviors sense: tilings of the world state. It makes the critic asymmetric.
+"""The critic's inputs in addition to what the behaviors sense: tilings of the world state. It makes the critic
+asymmetric.
 
-Asymmetric actor-critic (Pinto et al. 2018, arXiv 1710.06542): V is needed only while learning, so it may see what the
-weights must not depend on: where ball and robot are, and how the ball rolls. `fbql_world_tilings` 0 leaves them out.
+Asymmetric actor-critic (Pinto et al. 2018, arXiv 1710.06542): V is needed only while learning, so it may see inputs on
+which the weights must not depend: where ball and robot are, and how the ball rolls. `fbql_world_tilings` 0 leaves them
+out.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from fbql_common.core.types import World
 from fbql_fusion.core.learners.tilings import Tilings
 
 _FIRST = 1_000_001
-"""Makes the keys different from those of what is sensed."""
+"""Keeps the keys different from those of the sensed values."""
 GROUPS: tuple[tuple[float, ...], ...] = (
     (0.16, 0.16, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     (0.35, 0.35, 0.35, 0.35, 0.0, 0.0, 0.0, 0.0),
@@ -22,7 +24,7 @@ GROUPS: tuple[tuple[float, ...], ...] = (
 """Widths of the tiles along each component of `critic_inputs` [m, m/s], 0 where a tiling leaves it out: the ball; ball and robot;
 the ball along the field, and the robot from it; the ball and its velocity."""
 FAR = 1e6
-"""Numbers from here on [m, m/s] can't be a world state's, and their tiles could not be counted."""
+"""Larger numbers [m, m/s] can't belong to a world state, and their tiles could not be counted."""
 _ACROSS = (1, 3, 5, 7)
 """The components that change their sign in the mirror."""
 
@@ -30,7 +32,8 @@ _ACROSS = (1, 3, 5, 7)
 def critic_inputs(world: World, mirror: bool) -> tuple[float, ...]:
     """Ball x, y, robot x, y, robot from ball x, y [m], the ball's velocity x, y [m/s], in the frame `field`.
 
-    With `mirror`, situations that mirror each other (left and right) look alike: as if the ball's y were above 0.
+    With `mirror`, situations that mirror each other (left and right) become equal: both as if the ball's y were above
+    0.
     """
     x, y = world.ball_x_m, world.ball_y_m
     values = [

@@ -1,1 +1,1 @@
-"""`fbql_literal`: the paper's method as it is printed, eqs. 5 and 6."""
+"""`fbql_literal`: the paper's method as printed, eqs. 5 and 6."""

@@ -11,7 +11,7 @@ from math import isfinite
 
 
 def fused_value(weights: Sequence[float], q: Sequence[float]) -> float:
-    """sum_j w(s', B_j) Q(s', B_j): what the next state is worth, in eq. 5."""
+    """sum_j w(s', B_j) Q(s', B_j): the value of the next state, in eq. 5."""
     value = 0.0
     for w, x in zip(weights, q, strict=True):
         value += w * x
@@ -64,8 +64,8 @@ def printed_weights(
         weight_offset: f.
 
     Returns:
-        Length n. Nothing keeps them within [0, 1] or their sum at 1: Q + f < 0 turns the update around,
-        delta (Q + f) > 1 overshoots.
+        Length n. Nothing keeps them within [0, 1] or their sum at 1: Q + f < 0 reverses the update, delta (Q + f) > 1
+        overshoots.
     """
     return bounded_weights(weights, q, best, weight_gain, weight_offset, float("-inf"), float("inf"))
 
@@ -108,7 +108,7 @@ def normalised(weights: Sequence[float], floor: float) -> tuple[float, ...] | No
     return tuple([w / total for w in raised])
 
 
-def tied(q: Iterable[Sequence[float]]) -> int:
+def count_ties(q: Iterable[Sequence[float]]) -> int:
     """In how many joint states all Q are equal, to the last bit: eq. 6 has no argmax to choose there.
 
     Args:

@@ -44,7 +44,8 @@ class FbqlLiteral:
         """Nothing is remembered from one step to the next."""
 
     def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
-        """The joint state's own weights. A joint state with a leaf missing is none: every behavior weighs the same."""
+        """The joint state's own weights. With a leaf missing there is no joint state: every behavior weighs the
+        same."""
         if NO_LEAF in joint_state:
             return self._table.fresh[1], DRIVER_BLEND, (), ()
         q, weights = self._table.row(joint_state)
@@ -85,5 +86,5 @@ class FbqlLiteral:
         return self._table.to_arrays()
 
     def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Takes over such arrays. Raises BadInput."""
+        """Restores such arrays. Raises BadInput."""
         self._table.load_arrays(arrays)

@@ -1,4 +1,4 @@
-"""The parameters of FBQL as printed (`controller` fbql_literal): those of eqs. 5 and 6, and what bounds them."""
+"""The parameters of FBQL as printed (`controller` fbql_literal): those of eqs. 5 and 6, and their bounds."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TIE_RULES = ("none", "first", "all", "random")
 @owned_by("fbql_literal")
 @dataclass(frozen=True)
 class LiteralParameters(SessionParameters):
-    """What `docs/deviations.md` says about the paper's own update."""
+    """The parameters of the paper's own update; see `docs/deviations.md`."""
 
     learning_rate: float = parameter(0.1, "alpha of eq. 5", low=0.0, high=1.0)
     discount: float = parameter(0.99, "gamma of eq. 5, per step", low=0.0, high=1.0)
@@ -23,12 +23,12 @@ class LiteralParameters(SessionParameters):
     gain_low: float = parameter(0.0, "lower bound of delta (Q + f) in eq. 6; -1e9: as printed", low=-1e9, high=0.0)
     gain_high: float = parameter(1.0, "upper bound of delta (Q + f) in eq. 6; 1e9: as printed", low=0.0, high=1e9)
     weight_floor: float = parameter(
-        0.01, "no weight falls below it before they are normalised; -1e9: as printed", low=-1e9, high=1.0
+        0.01, "lower limit of each weight before normalization; -1e9: as printed", low=-1e9, high=1.0
     )
     tie_rule: str = parameter(
         "none",
-        "which behavior is eq. 6's argmax where several have the largest Q: none of them and no weight changes, "
-        "the first, all of them, or a random one",
+        "which behavior is eq. 6's argmax if several share the largest Q: none of them, so that no weight changes; "
+        "the first; all of them; or a random one",
         choices=TIE_RULES,
     )
     initial_q: float = parameter(0.0, "Q of a joint state that was never visited", low=-1e9, high=1e9)

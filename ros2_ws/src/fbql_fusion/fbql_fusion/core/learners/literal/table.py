@@ -1,4 +1,4 @@
-"""The table of joint states: Q and weights of the joint states that were updated, and of no others."""
+"""The table of joint states: Q and weights of only those joint states that were updated."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class JointStateTable:
         return len(self._rows)
 
     def row(self, joint_state: JointState) -> Row:
-        """The row of a joint state, or the fresh one. Looking does not make a row."""
+        """The row of a joint state, or a fresh one. Reading does not create a row."""
         return self._rows.get(joint_state, self.fresh)
 
     def set_row(self, joint_state: JointState, q: tuple[float, ...], weights: tuple[float, ...]) -> None:
@@ -53,7 +53,7 @@ class JointStateTable:
         }
 
     def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Takes over rows as `to_arrays` gives them.
+        """Restores rows as `to_arrays` returns them.
 
         Raises:
             BadInput: an array is missing, or of another shape or type, or has a value that is not finite,

@@ -3,10 +3,11 @@
 PPO's clipped surrogate objective is from Schulman et al. 2017, Proximal Policy Optimization Algorithms (arXiv 1707.06347);
 GAE from Schulman et al. 2016, High-Dimensional Continuous Control Using Generalized Advantage Estimation (arXiv
 1506.02438). Policy and critic are linear in tile-coded features (`linear`). A decision is an option that is held for k
-steps (Sutton, Precup & Singh 1999): R is the discounted reward of these steps and gamma^k the discount over them, so that
-everything is that of a semi-Markov decision process. Eqs. 11 and 15 are steps of `linear`; docs/fusion.md derives the equations beside eqs. 5 and 6.
+steps (Sutton, Precup & Singh 1999): R is the discounted reward of these steps and gamma^k the discount over them, as
+in a semi-Markov decision process. Eqs. 11 and 15 are steps of `linear`; docs/fusion.md derives the equations beside
+eqs. 5 and 6.
 
-N decisions (T of one episode), n behaviors, F active features a decision.
+N decisions (T of one episode), n behaviors, F active features per decision.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@
 
 What is kept of the paper's FBQL: behaviors side by side, a weight for each, learned in the joint state from sparse
 rewards, guided episodes first. What is replaced: eq. 5's shared target, by a critic of the state and the credit of the
-behavior that drove; eq. 6's jump of the argmax, by a gradient; the table, by features. docs/fusion.md says why.
+behavior that drove; eq. 6's jump of the argmax, by a gradient; the table, by features. docs/fusion.md explains why.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Batch(NamedTuple):
 
     @classmethod
     def of(cls, trajectories: Sequence[Trajectory], value: Floats, trace: float, active_features: int) -> Batch:
-        """Puts trajectories together. `value` is V's table, [features], `active_features` F."""
+        """Combines trajectories. `value` is V's table, [features], `active_features` F."""
         inputs: list[NDArray[np.int64]] = []
         found: list[Floats] = []
         targets: list[Floats] = []
@@ -120,8 +120,9 @@ class Fbql(HeldDecisions):
         return guided.succeeded or self._ppo.fbql_imitate_failures
 
     def _clone(self, guided: Sequence[Trajectory], examples: Sequence[bool]) -> None:
-        """The warm start, eqs. 11 and 15 on guided episodes: V learns what they led to, and the weights clone the guide in
-        the examples among them. One that did not end in a goal is no example, unless the guide never succeeded at first."""
+        """The warm start, eqs. 11 and 15 on guided episodes: V learns their outcomes, and the weights clone the guide
+        in those that are examples. An episode that did not end in a goal is not an example, unless the guide never
+        succeeded."""
         p = self._ppo
         batch = self._batch(guided)
         example = np.repeat(examples, [len(each.drivers) for each in guided])
@@ -134,7 +135,7 @@ class Fbql(HeldDecisions):
                 add_shared(self._theta, active, step, p.fbql_rate)
 
     def _update(self) -> None:
-        """PPO's update, eqs. 12 to 15, on the episodes that wait."""
+        """PPO's update, eqs. 12 to 15, on the waiting episodes."""
         p = self._ppo
         batch = self._batch(self._waiting)
         self._waiting = []

@@ -12,7 +12,7 @@ from fbql_fusion.core.learners.parameters import PLAYS, FeatureParameters
 @owned_by("fbql")
 @dataclass(frozen=True)
 class FbqlParameters(FeatureParameters):
-    """What `docs/fusion.md` calls eqs. 10 to 15. The defaults were chosen on training seeds and tree sets."""
+    """The parameters of eqs. 10 to 15 in `docs/fusion.md`. The defaults were chosen on training seeds and tree sets."""
 
     fbql_hold_steps: int = parameter(4, "steps for which fbql holds a decision while it learns", low=1, high=1000)
     fbql_play_steps: int = parameter(
@@ -26,8 +26,8 @@ class FbqlParameters(FeatureParameters):
     )
     fbql_patience: int = parameter(
         10,
-        "decisions in the same joint state, in one episode, after which fbql that does not learn draws there instead of "
-        "repeating itself, from weights that become more equal with each repetition; 0: never",
+        "decisions in the same joint state of one episode after which frozen fbql draws the driver there, from weights "
+        "that become more equal with each repetition; 0: never",
         low=0,
         high=1_000_000,
     )
@@ -36,8 +36,8 @@ class FbqlParameters(FeatureParameters):
     )
     fbql_world_tilings: int = parameter(
         4,
-        "tilings of the positions of ball and robot and of the ball's velocity that the critic of fbql sees beside what "
-        "the behaviors sense; needed only while learning, no weight depends on them; 0: the critic sees only what the "
+        "tilings of the positions of ball and robot and of the ball's velocity that the critic of fbql sees in addition "
+        "to what the behaviors sense; needed only while learning, no weight depends on them; 0: the critic sees only what the "
         "behaviors sense",
         low=0,
         high=32,
@@ -50,10 +50,10 @@ class FbqlParameters(FeatureParameters):
         0.03, "beta of eq. 15, shared by all features that the critic sees", low=0.0, high=2.0
     )
     fbql_clip: float = parameter(
-        0.4, "PPO's clip range: change of a weight, as a share of it, beyond which eq. 14 leaves it", low=0.0
+        0.4, "PPO's clip range: relative change of a weight beyond which eq. 14 stops changing it", low=0.0
     )
     fbql_batch_episodes: int = parameter(
-        20, "episodes in a batch, later on; the first batches have 3 and more", low=1, high=1000
+        20, "episodes in a batch; the first batches are smaller, from 3 up", low=1, high=1000
     )
     fbql_passes: int = parameter(8, "passes over a batch", low=1, high=100)
     fbql_guide_passes: int = parameter(4, "passes over the guided episodes", low=0, high=1000)

@@ -3,9 +3,9 @@
 It is TD(lambda) for the values of behaviors, as a dueling sum of U and theta (Wang et al. 2016, arXiv 1511.06581), under a
 policy that is a softmax of the values mixed with a uniform one. docs/fusion.md derives the equations beside eqs. 5 and 6.
 
-N decisions (T of one episode), n behaviors, F active features a decision, m features. A table of values is [m, n + 1]: its
-row f is theta_{f,1} ... theta_{f,n} and U_f. A decision is held for k steps: R is the discounted reward of these steps and
-gamma^k the discount over them, as in a semi-Markov decision process (Sutton, Precup & Singh 1999).
+N decisions (T of one episode), n behaviors, F active features per decision, m features. A table of values is [m, n +
+1]: its row f is theta_{f,1} ... theta_{f,n} and U_f. A decision is held for k steps: R is the discounted reward of
+these steps and gamma^k the discount over them, as in a semi-Markov decision process (Sutton, Precup & Singh 1999).
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ def soft_weights(theta: Sequence[float], temperature: float, exploration: float)
 def values_of(theta: Sequence[float], shared: float, weights: Sequence[float]) -> tuple[float, ...]:
     """Eq. 17: Q(s, B_i) = U(s) + theta_i(s) - sum_j w(s, B_j) theta_j(s), length n.
 
-    So U is what the state is worth, sum_j w(s, B_j) Q(s, B_j) = U(s), and theta what a behavior is worth beside the others.
-    U(s) is sum_f U_f over the active features f.
+    So U is the value of the state, sum_j w(s, B_j) Q(s, B_j) = U(s), and theta the value of a behavior relative to the
+    others. U(s) is sum_f U_f over the active features f.
     """
     base = shared - sum([w * x for w, x in zip(weights, theta, strict=True)])
     return tuple([x + base for x in theta])
@@ -62,9 +62,9 @@ def lambda_returns(
 ) -> Floats:
     """Eqs. 19 and 20: the learning target of Q(s_t, B_a), a lambda-return, for each decision of an episode.
 
-    The TD error is d_t = R_t + gamma^k_t sum_j w(s_{t+1}, B_j) Q(s_{t+1}, B_j) - Q(s_t, B_a): eq. 5's bootstrap, but with the whole reward
-    and for the behavior that drove alone. Errors count for the decisions before them, decayed by gamma^k lambda from decision to decision:
-    G_t = Q(s_t, B_a) + E_t with E_t = d_t + gamma^k_t lambda E_{t+1}.
+    The TD error is d_t = R_t + gamma^k_t sum_j w(s_{t+1}, B_j) Q(s_{t+1}, B_j) - Q(s_t, B_a): eq. 5's bootstrap, but
+    with the whole reward, and only for the behavior that drove. Errors count for the decisions before them, decayed by
+    gamma^k lambda from decision to decision: G_t = Q(s_t, B_a) + E_t with E_t = d_t + gamma^k_t lambda E_{t+1}.
 
     Args:
         rewards: R of an episode's T decisions, [T].

@@ -1,11 +1,12 @@
-"""The learner `fbql_value`: eqs. 5 and 6 of the paper repaired, with the credit where it belongs. Weights follow a learned Q.
+"""The learner `fbql_value`: eqs. 5 and 6 of the paper repaired, so that credit goes to the behavior that drove.
+Weights follow a learned Q.
 
 It is TD(lambda) (Sutton & Barto, 12) for action values that are linear in tile-coded features, on the trajectories of a
 softmax policy.
 
 What is kept of the paper's FBQL: a Q for each behavior, the bootstrap of eq. 5, weights that follow Q, guided episodes
 first. What is replaced: the reward that eq. 5 shares out by weights, by the whole reward for the behavior that drove; eq.
-6's jump of the argmax, by a soft maximum; the table, by features that add up. docs/fusion.md says why.
+6's jump of the argmax, by a soft maximum; the table, by features that add up. docs/fusion.md explains why.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from fbql_fusion.core.learners.value.parameters import FbqlValueParameters
 
 
 class Targets(NamedTuple):
-    """What is learned from the T decisions of an episode."""
+    """The learning targets of the T decisions of an episode."""
 
     active: NDArray[np.int64]
     """[T, F]"""
@@ -82,7 +83,7 @@ class FbqlValue(HeldDecisions):
             self._update()
 
     def _update(self) -> None:
-        """Eqs. 19 and 20 on all episodes that wait, guided or not."""
+        """Eqs. 19 and 20 on all waiting episodes, guided or not."""
         p = self._own
         self._grow_tables()
         parts = [self._targets(each) for each in self._waiting]
@@ -103,7 +104,7 @@ class FbqlValue(HeldDecisions):
         self._updates += 1
 
     def _targets(self, trajectory: Trajectory) -> Targets:
-        """Eqs. 19 and 20 by the values as they are now."""
+        """Eqs. 19 and 20 with the current values."""
         active = np.array(trajectory.rows, dtype=np.int64)
         drivers = np.array(trajectory.drivers, dtype=np.int64)
         total = self._values[active].sum(axis=1)
