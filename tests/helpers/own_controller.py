@@ -64,4 +64,5 @@ def only_ours() -> Iterator[None]:
         yield
     finally:
         for name in set(CONTROLLERS) - set(before):
-            registry.forget_controller(name)
+            del registry._registered[name]
+            CONTROLLERS.remove(name)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from fbql_common.core.errors import BadInput
-from fbql_fusion.core.registry import forget_controller
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from fbql_studies.ablation import study as ablation
@@ -32,6 +31,7 @@ from fbql_studies.peers.study import evaluation_seed_of
 from fbql_studies.runner.study import MEASURED, Result
 from fbql_studies.scaling import study as scaling
 from fbql_studies.sensitivity import study as sensitivity
+from own_controller import only_ours
 from studies import make_short, shipped, tasks_of
 
 TRAINING = (ladder, ablation, sensitivity, scaling)
@@ -140,13 +140,11 @@ class Always:
 def test_a_controller_of_ones_own_takes_part(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(OWN)
     asked = ("--learners", "fbql_value", "--controllers", f"{tmp_path / 'own.py'}:Always")
-    try:
+    with only_ours():
         found = {task.key: task.parameters for task in tasks_of(ladder, *TINY, *asked)}
         assert list(found)[-1] == "own-Always-trees1001-seed0"
         results = {key: ladder.run(each) for key, each in found.items() if not key.startswith("fbql")}
         rows = ladder.table(results)
-    finally:
-        forget_controller("Always")
     assert next(row for row in rows if row.get("method") == "Always")["ratio_retuned"] is None
     assert any(row.get("rung") == "b, Always" for row in rows)
     assert ladder.words(rows)["size"].body[0][:3] == ["Always", "1", "0"]

@@ -14,6 +14,7 @@ import numpy as np
 from fbql_behaviors.core.explanation import explained
 from fbql_behaviors.core.patterns import Demonstration, Patterns
 from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.demonstration_storage import load_demonstrations
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
@@ -138,7 +139,6 @@ def play(
             observation=list(observations),
             set=[f"{name}={set_text(value)}" for name, value in (parameters or {}).items()],
             out=None if out is None else Path(out),
-            json=False,
         )
         match = match_from(arguments)
         given = policy.content if isinstance(policy, LearnedPolicy) else policy if isinstance(policy, Policy) else None
@@ -251,8 +251,6 @@ def _patterns(request: InductionRequest, given: Any) -> Patterns:
         if isinstance(item, Demonstration):
             demonstrations.append(item)
         else:
-            from fbql_behaviors.demonstration_storage import load_demonstrations  # it needs the message packages
-
             demonstrations += load_demonstrations(Path(item), request.behavior)
     return patterns_for(request, demonstrations)
 

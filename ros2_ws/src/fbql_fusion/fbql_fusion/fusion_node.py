@@ -35,7 +35,7 @@ from fbql_msgs.msg import WheelCommand as WheelCommandMsg
 from fbql_msgs.srv import SavePolicy
 
 from fbql_fusion.controller_loading import know_controller, know_installed
-from fbql_fusion.core.assembly import Arrival, Step, StepAssembly
+from fbql_fusion.core.assembly import Arrival, PendingStep, StepAssembly
 from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.session import Session
 from fbql_fusion.episodes import Episodes
@@ -117,7 +117,7 @@ class FusionNode(GraphNode):
         self._assembly.add_output(index, output, data)
         self._decide(self._assembly.complete())
 
-    def _decide(self, step: Step | None) -> None:
+    def _decide(self, step: PendingStep | None) -> None:
         if step is None or step.world is None:
             return
         world = step.world

@@ -45,7 +45,6 @@ class Match:
     out: Path
     """The run directory. Unless the user named it, it is only known for sure when it is made."""
     out_named: bool
-    json: bool
     trees: Path | None = None
     """The directory of the trees, if the user named one."""
     observations: dict[str, str] = field(default_factory=dict[str, str])
@@ -150,7 +149,6 @@ def match_from(arguments: argparse.Namespace) -> Match:
         policy=policy,
         out=_out(arguments.out, fusion),
         out_named=arguments.out is not None,
-        json=arguments.json,
         trees=arguments.trees and arguments.trees.absolute(),
         observations=know_observations(arguments.observation),
         controller_file=controller.source,

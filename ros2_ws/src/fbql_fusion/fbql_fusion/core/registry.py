@@ -76,12 +76,6 @@ def register_controller(name: str, factory: Factory, parameters: type[Any] | Non
         CONTROLLERS.append(name)
 
 
-def forget_controller(name: str) -> None:
-    """Undoes `register_controller`."""
-    del _registered[name]
-    CONTROLLERS.remove(name)
-
-
 def fusion_parameters() -> type[FusionParameters]:
     """`FusionParameters`, and with them the own parameters of every controller that was registered."""
     own: dict[str, tuple[str, Any, Any]] = {}
