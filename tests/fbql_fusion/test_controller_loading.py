@@ -17,7 +17,7 @@ from fbql_fusion.controller_loading import know_controller
 from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters, without_part
 from fbql_fusion.core.registry import fusion_parameters, learns, make_controller, register_controller
 from fbql_fusion.core.session import Session
-from own_controller import bandit, only_ours
+from own_controller import NOT_SAVED, bandit, only_ours
 from two_sides import BEHAVIORS, parameters, play
 
 
@@ -155,10 +155,16 @@ def test_what_is_wrong_with_a_file_is_one_line(tmp_path: Path, text: str, name: 
         ("return 1 / 0", "ZeroDivisionError in line 4: division by zero"),
         ("return 5", "'select' gives a int; expected (weights, driver, q, learned weights)"),
         ("return (1.0, 0.0), 7, (), ()", "'select' gives driver 7; expected the index of a behavior"),
-        ("return (1.0,), 0, (), ()", "'select' gives weights (1.0,); expected 2 numbers"),
-        ("return (1.0, 0.0), 0, (1.0,), ()", "'select' gives q (1.0,); expected 2 numbers or none"),
+        ("return (1.0,), 0, (), ()", "'select' gives weights (1.0,); expected 2 finite numbers"),
+        ("return (1.0, 0.0), 0, (1.0,), ()", "'select' gives q (1.0,); expected 2 finite numbers or none"),
         ("return (1.0, 'b'), 0, (), ()", "'select' gives weights (1.0, 'b')"),
         ("return None, 0, (), ()", "'select' gives weights that are a NoneType"),
+        ("return (float('nan'), 0.0), 0, (), ()", "'select' gives weights (nan, 0.0); expected 2 finite numbers"),
+        (
+            "return (1.0, 0.0), -1, (0.0, float('inf')), ()",
+            "'select' gives q (0.0, inf); expected 2 finite numbers or none",
+        ),
+        ("return (1.0, 10**400), 0, (), ()", "expected 2 finite numbers"),
     ],
 )
 def test_what_is_wrong_with_a_controller_is_one_line(tmp_path: Path, text: str, reason: str) -> None:
@@ -173,6 +179,29 @@ def test_what_is_wrong_with_a_controller_is_one_line(tmp_path: Path, text: str, 
     assert reason in str(refused.value)
     assert str(refused.value).startswith("controller 'A': ")
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("learned", "reason"),
+    [
+        ("1 / 0", "ZeroDivisionError in line 14: division by zero"),
+        ("None", "'to_arrays' gives a NoneType; expected a dict of name -> array"),
+        ("{3: np.zeros(2)}", "'to_arrays' gives a int as a name; expected a text"),
+        ("{'values': [1.0]}", "'to_arrays' gives 'values' as a list; expected an array of numbers"),
+        ("{'values': np.array(['a'])}", "'to_arrays' gives 'values' as an array of <U1; expected an array of numbers"),
+        (
+            "{'values': np.array([None])}",
+            "'to_arrays' gives 'values' as an array of object; expected an array of numbers",
+        ),
+    ],
+)
+def test_what_is_wrong_with_what_was_learned_is_one_line(tmp_path: Path, learned: str, reason: str) -> None:
+    know_controller(f"{written(tmp_path, NOT_SAVED.replace('LEARNED', learned))}:A")
+    session = Session(replace(parameters(), controller="A"))
+    play(session, 1)
+    with pytest.raises(BadInput) as refused:
+        session.policy()
+    assert str(refused.value) == f"controller 'A': {reason}"
 
 
 def test_a_parameter_that_is_there_already_is_refused() -> None:

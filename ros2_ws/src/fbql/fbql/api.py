@@ -144,13 +144,17 @@ def play(
         given = policy.content if isinstance(policy, LearnedPolicy) else policy if isinstance(policy, Policy) else None
         observer = None if kept is None else kept.add
         match, session, summary = play_match(match, given, write=out is not None, step_decided=observer)
-    learned = session.policy()
+    learned, lost = None, ()
+    try:
+        learned = session.policy()
+    except BadInput as error:  # of a controller of the user's own: the match was played all the same
+        lost = (f"what was learned is lost: {error}",)
     return PlayResult(
         summary=summary._asdict(),
         episodes=_episode_columns(session.records),
         steps={} if kept is None else kept.columns(session),
         policy=None if learned is None else LearnedPolicy(learned),
-        notes=match.notes if given is None else (),
+        notes=(*(match.notes if given is None else ()), *lost),
         path=None if out is None else match.out,
     )
 
