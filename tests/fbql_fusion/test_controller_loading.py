@@ -41,7 +41,7 @@ def values(**changes: Any) -> dict[str, Any]:
 def test_a_controller_of_a_file_plays_learns_and_takes_its_own_parameters(tmp_path: Path) -> None:
     known = know_controller(bandit(tmp_path))
     assert known == ("Bandit", f"{tmp_path / 'bandit.py'}:Bandit")
-    given = from_mapping(fusion_parameters(), values(bandit_rate=0.5), "here")
+    given = from_mapping(fusion_parameters("Bandit"), values(bandit_rate=0.5), "here")
     assert learns(given)
     session = Session(given)
     play(session, 12)
@@ -49,12 +49,12 @@ def test_a_controller_of_a_file_plays_learns_and_takes_its_own_parameters(tmp_pa
     assert policy is not None
     assert policy.kind == "Bandit"
     assert policy.arrays["values"].any()
-    slow = Session(from_mapping(fusion_parameters(), values(bandit_rate=0.001), "here"))
+    slow = Session(from_mapping(fusion_parameters("Bandit"), values(bandit_rate=0.001), "here"))
     play(slow, 12)
     slower = slow.policy()
     assert slower is not None
     assert np.abs(slower.arrays["values"]).max() < np.abs(policy.arrays["values"]).max()
-    frozen = Session(from_mapping(fusion_parameters(), values(learn=False), "here"), policy)
+    frozen = Session(from_mapping(fusion_parameters("Bandit"), values(learn=False), "here"), policy)
     play(frozen, 3)
     again = frozen.policy()
     assert again is not None
@@ -65,7 +65,7 @@ def test_the_same_seed_plays_the_same(tmp_path: Path) -> None:
     know_controller(bandit(tmp_path))
     digests: list[str] = []
     for seed in (1, 1, 2):
-        session = Session(from_mapping(fusion_parameters(), values(seed=seed, bandit_random=1.0), "here"))
+        session = Session(from_mapping(fusion_parameters("Bandit"), values(seed=seed, bandit_random=1.0), "here"))
         play(session, 4)
         digests.append(session.digest)
     assert digests[0] == digests[1] != digests[2]
@@ -75,12 +75,24 @@ def test_a_file_with_one_controller_needs_no_name(tmp_path: Path) -> None:
     assert know_controller(bandit(tmp_path).removesuffix(":Bandit")).name == "Bandit"
 
 
+def test_a_file_that_was_edited_is_played_as_it_is_now(tmp_path: Path) -> None:
+    chosen: list[int] = []
+    for driver in (0, 1, 0):
+        path = written(tmp_path, NOT_SAVED.replace("self.weights, -1", f"self.weights, {driver}"))
+        know_controller(str(path))
+        chosen.append(play(Session(replace(parameters(), controller="A")), 1)[0].driver)
+    assert chosen == [0, 1, 0], "the texts are of one length, written within a second"
+
+
 def test_own_parameters_are_checked_and_belong_to_it_alone(tmp_path: Path) -> None:
     know_controller(bandit(tmp_path))
+    register_controller("other", lambda *_: None, Other)
+    assert fusion_parameters("uniform") is FusionParameters
+    assert "bandit_rate" not in limits_of(fusion_parameters("other"))
     with pytest.raises(BadInput, match=r"'bandit_rate' is 2\.0, outside of"):
-        from_mapping(fusion_parameters(), values(bandit_rate=2.0), "here")
-    assert limits_of(fusion_parameters())["bandit_rate"].owners == ("Bandit",)
-    own = from_mapping(fusion_parameters(), values(), "here")
+        from_mapping(fusion_parameters("Bandit"), values(bandit_rate=2.0), "here")
+    assert limits_of(fusion_parameters("Bandit"))["bandit_rate"].owners == ("Bandit",)
+    own = from_mapping(fusion_parameters("Bandit"), values(), "here")
     assert list(without_part(own, ["bandit_rate", "fbql_rate"], guided=False)) == [
         "fbql_rate plays no part: it belongs to fbql, and the controller is Bandit"
     ]
@@ -204,6 +216,11 @@ def test_what_is_wrong_with_what_was_learned_is_one_line(tmp_path: Path, learned
     assert str(refused.value) == f"controller 'A': {reason}"
 
 
+@dataclass(frozen=True)
+class Other:
+    bandit_random: float = parameter(0.7, "its own, whatever others declare", low=-1.0)
+
+
 def test_a_parameter_that_is_there_already_is_refused() -> None:
     @dataclass(frozen=True)
     class Clash:
@@ -219,7 +236,7 @@ def test_an_installed_controller_is_found_by_its_name(tmp_path: Path, monkeypatc
     entries = [EntryPoint("bandit", "bandit:Bandit", "fbql.controllers")]
     monkeypatch.setattr(own_code, "entry_points", lambda group, name: [x for x in entries if x.name == name])
     assert know_controller("bandit") == ("bandit", "")
-    assert make_controller(from_mapping(fusion_parameters(), values(controller="bandit"), "here")) is not None
+    assert make_controller(from_mapping(fusion_parameters("bandit"), values(controller="bandit"), "here")) is not None
     entries.append(EntryPoint("other", "nowhere:Bandit", "fbql.controllers"))
     with pytest.raises(BadInput, match=r"entry point fbql.controllers: other = nowhere:Bandit: ModuleNotFoundError"):
         know_controller("other")

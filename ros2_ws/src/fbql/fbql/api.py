@@ -174,7 +174,7 @@ def train(controller: str = "fbql", **arguments: Any) -> PlayResult:
     if not arguments.setdefault("learn", True):
         raise BadInput("train with learn=False does not learn; use play")
     name = know_controller(controller).name
-    if not learns(fusion_parameters()(controller=name)):
+    if not learns(fusion_parameters(name)(controller=name)):
         raise BadInput(f"controller '{controller}' does not learn; use play")
     return play(controller, **arguments)
 

@@ -55,7 +55,9 @@ class FusionNode(GraphNode):
     def __init__(self, **options: Any) -> None:
         super().__init__("fusion", **options)
         controller = _know_controller(self)
-        self._settings, fusion = declare_all(self, FusionNodeParameters, fusion_parameters())
+        self._settings, fusion = declare_all(
+            self, FusionNodeParameters, fusion_parameters(controller or given_text(self, "controller"))
+        )
         if controller not in ("", fusion.controller):
             raise BadInput(
                 f"{self.get_fully_qualified_name()}: parameter 'controller' is '{fusion.controller}', but 'controller_file' "

@@ -130,10 +130,11 @@ def match_from(arguments: argparse.Namespace) -> Match:
     if arguments.guided is not None:
         values["guided"] = arguments.guided
     simulation: dict[str, Any] = {"max_steps": arguments.max_steps}
-    given = [_add_setting(setting, values, simulation) for setting in arguments.set]
+    declaration = fusion_parameters(controller.name)
+    given = [_add_setting(setting, declaration, values, simulation) for setting in arguments.set]
     if arguments.preset:
         given.append("preset")
-    fusion = from_mapping(fusion_parameters(), values, "fusion")
+    fusion = from_mapping(declaration, values, "fusion")
     check_fusion(fusion, "fusion")
     for name in RESERVED_NAMES & set(fusion.behaviors):
         raise BadInput(f"parameter 'behaviors' has '{name}', which is the name of another node")
@@ -183,10 +184,12 @@ def _are_shipped(behaviors: dict[str, Path]) -> bool:
         return False  # it is reported where the tree is played
 
 
-def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any]) -> str:
+def _add_setting(
+    setting: str, declared: type[FusionParameters], fusion: dict[str, Any], simulation: dict[str, Any]
+) -> str:
     """Adds the value of a --set to the node's that has the parameter. Gives the parameter's name."""
     name, equals, text = setting.partition("=")
-    declarations = ((fusion, fusion_parameters()), (simulation, SimulationParameters))
+    declarations = ((fusion, declared), (simulation, SimulationParameters))
     for values, declaration in declarations:
         if equals and name in limits_of(declaration):
             values[name] = parsed(text, types_of(declaration)[name], name)
