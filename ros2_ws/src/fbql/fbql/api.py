@@ -39,7 +39,7 @@ from fbql.demonstrations.make_tree import (
     request_of,
 )
 from fbql.match.in_process import play_match
-from fbql.match.options import match_from, set_text
+from fbql.match.options import match_from, plain, set_text
 
 PathLike = str | Path
 
@@ -128,20 +128,20 @@ def play(
         arguments = argparse.Namespace(
             controller=controller,
             preset=preset,
-            episodes=episodes,
-            goals=goals,
-            guided=guided,
-            max_steps=max_steps,
-            seed=seed,
-            learn=learn,
+            episodes=plain(episodes),
+            goals=plain(goals),
+            guided=plain(guided),
+            max_steps=plain(max_steps),
+            seed=plain(seed),
+            learn=plain(learn),
             policy=str(policy) if isinstance(policy, str | Path) else None if policy is None else "none",
             trees=directory,
             observation=list(observations),
             set=[f"{name}={set_text(value)}" for name, value in (parameters or {}).items()],
             out=None if out is None else Path(out),
         )
-        match = match_from(arguments)
         given = policy.content if isinstance(policy, LearnedPolicy) else policy if isinstance(policy, Policy) else None
+        match = match_from(arguments, has_policy=given is not None)
         observer = None if kept is None else kept.add
         match, session, summary = play_match(match, given, write=out is not None, step_decided=observer)
     learned, lost = None, ()
@@ -154,7 +154,7 @@ def play(
         episodes=_episode_columns(session.records),
         steps={} if kept is None else kept.columns(session),
         policy=None if learned is None else LearnedPolicy(learned),
-        notes=(*(match.notes if given is None else ()), *lost),
+        notes=(*match.notes, *lost),
         path=None if out is None else match.out,
     )
 
@@ -238,9 +238,8 @@ def induce(
         BadInput: an unknown behavior, a value out of range, or demonstrations that can't be used.
     """
     know_observations(observations, [behavior])
-    request = request_of(
-        behavior, method=method, seed=seed, every=every, patterns=patterns, leaves=leaves, **parameters
-    )
+    numbers = {"seed": seed, "every": every, "patterns": patterns, "leaves": leaves, **parameters}
+    request = request_of(behavior, method=method, **{name: plain(value) for name, value in numbers.items()})
     found = demonstrations if isinstance(demonstrations, Patterns) else _patterns(request, demonstrations)
     made: InducedTree = induced_tree(request, found)
     return InductionResult(made.tree, made.value, made.rmse_levels, made.curve, found, made.seconds)
