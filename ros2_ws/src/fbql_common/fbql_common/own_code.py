@@ -22,6 +22,11 @@ def split_source(source: str) -> tuple[Path, str]:
     return Path(place).absolute(), name
 
 
+def content_hash(source: str) -> str:
+    """The first 12 digits of the SHA-256 of the file that FILE.py:NAME names. Raises BadInput if it can't be read."""
+    return hashlib.sha256(_content(split_source(source)[0])).hexdigest()[:12]
+
+
 def load_module(path: Path, what: str) -> ModuleType:
     """The file as a module, run once per process and content. Raises BadInput with the file, the line and the reason.
 
@@ -30,10 +35,7 @@ def load_module(path: Path, what: str) -> ModuleType:
     """
     if path.suffix != ".py":
         raise BadInput(f"{path}: {what} is a Python file; write FILE.py:NAME")
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror})") from None
+    content = _content(path)
     name = f"fbql_own_{hashlib.sha256(str(path).encode() + content).hexdigest()[:16]}"
     if name in sys.modules:
         return sys.modules[name]
@@ -47,6 +49,13 @@ def load_module(path: Path, what: str) -> ModuleType:
         del sys.modules[name]
         raise BadInput(f"{path}: {in_one_line(error, str(path))}") from None
     return module
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror})") from None
 
 
 def load_installed(group: str, name: str, what: str) -> tuple[object, str] | None:
