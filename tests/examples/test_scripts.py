@@ -11,8 +11,7 @@ from pathlib import Path
 import fbql
 import pytest
 from commands import train
-from fbql_fusion.core import registry
-from fbql_fusion.core.parameters import CONTROLLERS
+from own_controller import only_ours
 from places import ROOT
 
 EXPECTED = {
@@ -32,10 +31,8 @@ EXPECTED = {
 @pytest.fixture(autouse=True)
 def registered() -> Iterator[None]:
     """No test leaves a controller behind."""
-    before = set(CONTROLLERS)
-    yield
-    for name in set(CONTROLLERS) - before:
-        registry.forget_controller(name)
+    with only_ours():
+        yield
 
 
 @pytest.mark.parametrize("name", EXPECTED)

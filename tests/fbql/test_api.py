@@ -72,6 +72,35 @@ def test_a_policy_is_played_on_as_an_object_and_as_a_file(tmp_path: Path) -> Non
     assert untrained.summary["digest"] not in digests
 
 
+def test_notes_with_a_policy_object_are_those_with_its_file(tmp_path: Path) -> None:
+    learned = fbql.train("fbql_literal", guided=1, seed=3, **SHORT).policy
+    assert learned is not None
+    file = learned.save(tmp_path / "policy.npz")
+    given = {"learn": False, "parameters": {"layers": ["ball_seeking"]}, **SHORT}
+    notes = [fbql.play("fbql_literal", policy=each, **given).notes for each in (learned, learned.content, file)]
+    told = "layers plays no part: it belongs to subsumption, the controller is fbql_literal, and no episode is guided"
+    assert notes == [(told,)] * 3
+
+
+def test_parameters_may_be_sequences_and_numbers_of_numpy() -> None:
+    plain = fbql.play(
+        "subsumption", episodes=1, seed=4, max_steps=90, parameters={"layers": ["ball_seeking", "wall_avoiding"]}
+    )
+    for layers in (("ball_seeking", "wall_avoiding"), np.array(["ball_seeking", "wall_avoiding"])):
+        given = {"layers": layers, "reward_goal": np.float64(1.0), "fbql_mirror": np.True_}
+        found = fbql.play(
+            "subsumption",
+            episodes=np.int64(1),
+            seed=np.uint32(4),
+            max_steps=np.int32(90),
+            learn=np.True_,
+            parameters=given,
+        )
+        assert found.summary["digest"] == plain.summary["digest"]
+    made = fbql.induce("ball_seeking", patterns=np.int64(50), seed=np.int64(3))
+    assert made.tree == fbql.induce("ball_seeking", patterns=50, seed=3).tree
+
+
 def test_a_tree_is_played_as_an_object_and_as_a_file(tmp_path: Path) -> None:
     made = fbql.induce("ball_seeking", patterns=50)
     file = made.save(tmp_path / "ball_seeking.json")

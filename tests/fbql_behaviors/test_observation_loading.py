@@ -194,8 +194,10 @@ def test_what_a_command_is_told_is_known_from_then_on(write: Write) -> None:
     assert instructor_of("pacing")((0.0,)) == (10.0, 20.0)
     tree = Tree("pacing", OBSERVATIONS["pacing"].features, (0,), (Leaf(1.0, 2.0, 3),))
     assert Behavior("pacer", tree).answer(WORLD).observation == (0.25,)
-    with pytest.raises(BadInput, match="behavior 'pacing' already has an observation"):
-        register_observations([str(write(name="other.py"))])
+    with pytest.raises(BadInput, match=r"behavior 'pacing' has two observations, .*pacing and .*other\.py; name one"):
+        register_observations([str(path), str(write(name="other.py"))])
+    register_observations([str(write(SOUND.replace("20.0", "30.0"), name=path.name))])
+    assert instructor_of("pacing")((0.0,)) == (10.0, 30.0), "a file that was edited"
 
 
 def test_an_observation_without_an_instructor_has_none(write: Write) -> None:

@@ -9,11 +9,12 @@ from commands import make_trees
 from fbql.demonstrations.instruct import instruct
 from fbql.demonstrations.make_tree import make_tree
 from fbql_behaviors.core.behavior import Behavior
-from fbql_behaviors.core.evaluation import held_out_rmse, wheel_rmse
+from fbql_behaviors.core.evaluation import cross_validated_rmse, wheel_rmse
 from fbql_behaviors.core.induction import InductionParameters, induce
 from fbql_behaviors.core.observation import OBSERVATIONS
 from fbql_behaviors.core.patterns import Patterns, patterns_of
 from fbql_behaviors.core.recipes import RECIPES, Recipe, recipe_of
+from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree, tree_to_bytes
 from fbql_common.core.errors import BadInput
@@ -72,11 +73,15 @@ def test_a_shipped_tree_drives_like_its_instructor_on_demonstrations_it_has_not_
 def test_the_held_out_error_is_larger_than_the_error_on_the_training_patterns() -> None:
     patterns = demonstrated("ball_seeking", 1)
     parameters = RECIPES["ball_seeking"].induction
-    held_out = held_out_rmse("ball_seeking", patterns, parameters, 1)
+
+    def made(part: Patterns) -> Tree:
+        return induce("ball_seeking", part, parameters, 1).tree
+
+    held_out = cross_validated_rmse(patterns, made)
     assert held_out is not None
-    assert held_out > wheel_rmse(induce("ball_seeking", patterns, parameters, 1).tree, patterns)
+    assert held_out > wheel_rmse(made(patterns), patterns)
     one = patterns.select(patterns.demonstration == 0)
-    assert held_out_rmse("ball_seeking", one, parameters, 1) is None
+    assert cross_validated_rmse(one, made) is None
 
 
 def test_the_shipped_trees_score_under_subsumption() -> None:

@@ -1,5 +1,7 @@
 """Parameters of the nodes: what is wrong is one line, naming the node, the parameter and what would be right."""
 
+from pathlib import Path
+
 import pytest
 from fbql_behaviors.behavior_node import BehaviorNode, BehaviorNodeParameters
 from fbql_common.core.errors import BadInput
@@ -10,6 +12,7 @@ from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.simulator_node import SimulatorNode, SimulatorNodeParameters
 from hand_driven import Partner, shipped_tree
+from own_controller import bandit, only_ours
 from rclpy.node import Node
 
 NODES = {
@@ -157,3 +160,12 @@ def test_node_hides_nothing_of_what_it_inherits(bench, tmp_path, monkeypatch, na
     hidden = [inherited for inherited, value in vars(plain).items() if type(vars(node)[inherited]) is not type(value)]
     assert not hidden
     assert not set(vars(NODES[name][0])) & set(dir(Node)) - set(vars(object)) - {"__module__", "__annotations__"}
+
+
+def test_a_parameter_that_two_parts_declare_is_refused(refused, tmp_path_factory):
+    source = bandit(tmp_path_factory.mktemp("own"))
+    path = Path(source.rpartition(":")[0])
+    path.write_text(path.read_text().replace("bandit_random", "record"))
+    with only_ours():
+        text = refused("fusion", "-p", f"controller_file:={source}", "-p", "controller:=Bandit")
+    assert text.endswith("/fusion: parameter 'record' is declared by two parts; rename the one that is your own")

@@ -17,7 +17,7 @@ from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters, unused_parameters
 from fbql_fusion.core.registry import fusion_parameters, learns, make_controller, register_controller
 from fbql_fusion.core.session import Session
-from own_controller import bandit, only_ours
+from own_controller import NOT_SAVED, bandit, only_ours
 from two_sides import BEHAVIORS, parameters, play
 
 
@@ -41,7 +41,7 @@ def values(**changes: Any) -> dict[str, Any]:
 def test_a_controller_of_a_file_plays_learns_and_takes_its_own_parameters(tmp_path: Path) -> None:
     known = resolve_controller(bandit(tmp_path))
     assert known == ("Bandit", f"{tmp_path / 'bandit.py'}:Bandit")
-    given = from_mapping(fusion_parameters(), values(bandit_rate=0.5), "here")
+    given = from_mapping(fusion_parameters("Bandit"), values(bandit_rate=0.5), "here")
     assert learns(given)
     session = Session(given)
     play(session, 12)
@@ -49,12 +49,12 @@ def test_a_controller_of_a_file_plays_learns_and_takes_its_own_parameters(tmp_pa
     assert policy is not None
     assert policy.kind == "Bandit"
     assert policy.arrays["values"].any()
-    slow = Session(from_mapping(fusion_parameters(), values(bandit_rate=0.001), "here"))
+    slow = Session(from_mapping(fusion_parameters("Bandit"), values(bandit_rate=0.001), "here"))
     play(slow, 12)
     slower = slow.policy()
     assert slower is not None
     assert np.abs(slower.arrays["values"]).max() < np.abs(policy.arrays["values"]).max()
-    frozen = Session(from_mapping(fusion_parameters(), values(learn=False), "here"), policy)
+    frozen = Session(from_mapping(fusion_parameters("Bandit"), values(learn=False), "here"), policy)
     play(frozen, 3)
     again = frozen.policy()
     assert again is not None
@@ -65,7 +65,7 @@ def test_the_same_seed_plays_the_same(tmp_path: Path) -> None:
     resolve_controller(bandit(tmp_path))
     digests: list[str] = []
     for seed in (1, 1, 2):
-        session = Session(from_mapping(fusion_parameters(), values(seed=seed, bandit_random=1.0), "here"))
+        session = Session(from_mapping(fusion_parameters("Bandit"), values(seed=seed, bandit_random=1.0), "here"))
         play(session, 4)
         digests.append(session.digest)
     assert digests[0] == digests[1] != digests[2]
@@ -75,12 +75,24 @@ def test_a_file_with_one_controller_needs_no_name(tmp_path: Path) -> None:
     assert resolve_controller(bandit(tmp_path).removesuffix(":Bandit")).name == "Bandit"
 
 
+def test_a_file_that_was_edited_is_played_as_it_is_now(tmp_path: Path) -> None:
+    chosen: list[int] = []
+    for driver in (0, 1, 0):
+        path = written(tmp_path, NOT_SAVED.replace("self.weights, -1", f"self.weights, {driver}"))
+        know_controller(str(path))
+        chosen.append(play(Session(replace(parameters(), controller="A")), 1)[0].driver)
+    assert chosen == [0, 1, 0], "the texts are of one length, written within a second"
+
+
 def test_own_parameters_are_checked_and_belong_to_it_alone(tmp_path: Path) -> None:
     resolve_controller(bandit(tmp_path))
+    register_controller("other", lambda *_: None, Other)
+    assert fusion_parameters("uniform") is FusionParameters
+    assert "bandit_rate" not in limits_of(fusion_parameters("other"))
     with pytest.raises(BadInput, match=r"'bandit_rate' is 2\.0, outside of"):
-        from_mapping(fusion_parameters(), values(bandit_rate=2.0), "here")
-    assert limits_of(fusion_parameters())["bandit_rate"].owners == ("Bandit",)
-    own = from_mapping(fusion_parameters(), values(), "here")
+        from_mapping(fusion_parameters("Bandit"), values(bandit_rate=2.0), "here")
+    assert limits_of(fusion_parameters("Bandit"))["bandit_rate"].owners == ("Bandit",)
+    own = from_mapping(fusion_parameters("Bandit"), values(), "here")
     assert list(unused_parameters(own, ["bandit_rate", "fbql_rate"], guided=False)) == [
         "fbql_rate has no effect: it belongs to fbql, and the controller is Bandit"
     ]
@@ -155,10 +167,16 @@ def test_what_is_wrong_with_a_file_is_one_line(tmp_path: Path, text: str, name: 
         ("return 1 / 0", "ZeroDivisionError in line 4: division by zero"),
         ("return 5", "'select' returns a int; expected (weights, driver, q, learned weights)"),
         ("return (1.0, 0.0), 7, (), ()", "'select' returns driver 7; expected the index of a behavior"),
-        ("return (1.0,), 0, (), ()", "'select' returns weights (1.0,); expected 2 numbers"),
-        ("return (1.0, 0.0), 0, (1.0,), ()", "'select' returns q (1.0,); expected 2 numbers or none"),
+        ("return (1.0,), 0, (), ()", "'select' returns weights (1.0,); expected 2 finite numbers"),
+        ("return (1.0, 0.0), 0, (1.0,), ()", "'select' returns q (1.0,); expected 2 finite numbers or none"),
         ("return (1.0, 'b'), 0, (), ()", "'select' returns weights (1.0, 'b')"),
         ("return None, 0, (), ()", "'select' returns weights that are a NoneType"),
+        ("return (float('nan'), 0.0), 0, (), ()", "'select' returns weights (nan, 0.0); expected 2 finite numbers"),
+        (
+            "return (1.0, 0.0), -1, (0.0, float('inf')), ()",
+            "'select' returns q (0.0, inf); expected 2 finite numbers or none",
+        ),
+        ("return (1.0, 10**400), 0, (), ()", "expected 2 finite numbers"),
     ],
 )
 def test_what_is_wrong_with_a_controller_is_one_line(tmp_path: Path, text: str, reason: str) -> None:
@@ -173,6 +191,34 @@ def test_what_is_wrong_with_a_controller_is_one_line(tmp_path: Path, text: str, 
     assert reason in str(refused.value)
     assert str(refused.value).startswith("controller 'A': ")
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("learned", "reason"),
+    [
+        ("1 / 0", "ZeroDivisionError in line 14: division by zero"),
+        ("None", "'to_arrays' gives a NoneType; expected a dict of name -> array"),
+        ("{3: np.zeros(2)}", "'to_arrays' gives a int as a name; expected a text"),
+        ("{'values': [1.0]}", "'to_arrays' gives 'values' as a list; expected an array of numbers"),
+        ("{'values': np.array(['a'])}", "'to_arrays' gives 'values' as an array of <U1; expected an array of numbers"),
+        (
+            "{'values': np.array([None])}",
+            "'to_arrays' gives 'values' as an array of object; expected an array of numbers",
+        ),
+    ],
+)
+def test_what_is_wrong_with_what_was_learned_is_one_line(tmp_path: Path, learned: str, reason: str) -> None:
+    know_controller(f"{written(tmp_path, NOT_SAVED.replace('LEARNED', learned))}:A")
+    session = Session(replace(parameters(), controller="A"))
+    play(session, 1)
+    with pytest.raises(BadInput) as refused:
+        session.policy()
+    assert str(refused.value) == f"controller 'A': {reason}"
+
+
+@dataclass(frozen=True)
+class Other:
+    bandit_random: float = parameter(0.7, "its own, whatever others declare", low=-1.0)
 
 
 def test_a_parameter_that_is_there_already_is_refused() -> None:
@@ -190,7 +236,7 @@ def test_an_installed_controller_is_found_by_its_name(tmp_path: Path, monkeypatc
     entries = [EntryPoint("bandit", "bandit:Bandit", "fbql.controllers")]
     monkeypatch.setattr(own_code, "entry_points", lambda group, name: [x for x in entries if x.name == name])
     assert resolve_controller("bandit") == ("bandit", "")
-    assert make_controller(from_mapping(fusion_parameters(), values(controller="bandit"), "here")) is not None
+    assert make_controller(from_mapping(fusion_parameters("bandit"), values(controller="bandit"), "here")) is not None
     entries.append(EntryPoint("other", "nowhere:Bandit", "fbql.controllers"))
     with pytest.raises(BadInput, match=r"entry point fbql.controllers: other = nowhere:Bandit: ModuleNotFoundError"):
         resolve_controller("other")

@@ -50,6 +50,24 @@ class Bandit:
 '''
 
 
+NOT_SAVED = """import numpy as np
+
+
+class A:
+    def __init__(self, parameters, generator):
+        self.weights = tuple(1.0 / len(parameters.behaviors) for _ in parameters.behaviors)
+
+    def begin_episode(self, phase): ...
+    def learn(self, transition): ...
+    def load_arrays(self, arrays): ...
+    def select(self, world, joint_state, outputs):
+        return self.weights, -1, (), ()
+    def to_arrays(self):
+        return LEARNED
+"""
+"""One that plays, but whose learned values can't be kept; put an expression in the place of LEARNED."""
+
+
 def bandit(directory: Path) -> str:
     """Writes it into a directory. Returns what --controller takes."""
     (directory / "bandit.py").write_text(SOURCE)
@@ -64,4 +82,5 @@ def only_ours() -> Iterator[None]:
         yield
     finally:
         for name in set(CONTROLLERS) - set(before):
-            registry.forget_controller(name)
+            del registry._registered[name]
+            CONTROLLERS.remove(name)

@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import shlex
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
 from fbql.match.in_process import parts_of
-from fbql.match.options import Match, match_from, match_parser, same_options
+from fbql.match.options import Match, controller_options, match_from, match_parser, same_options
+from fbql.match.result import next_steps
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
 from fbql_fusion.shipped import shipped_policy
+from own_controller import bandit, only_ours
 
 
 def match(*words: str) -> Match:
@@ -133,3 +135,34 @@ def test_a_setting_that_is_none_says_what_is_meant(setting: str, says: str) -> N
     with pytest.raises(BadInput, match=r"^--set ") as refused:
         match("--set", setting)
     assert says in str(refused.value)
+
+
+def test_what_to_type_next_is_understood_for_a_controller_of_ones_own(tmp_path: Path) -> None:
+    summary = {"controller": "Bandit", "messages_recorded": 0, "incomplete": False}
+    words = ["--controller", bandit(tmp_path), "--set", "bandit_rate=0.5", "--set", "max_steps=900"]
+    with only_ours():
+        first = match(*words)
+        for policy in (None, tmp_path / "policy.npz"):
+            if policy is not None:
+                policy.touch()
+            lines = next_steps(summary, tmp_path, same_options(first), True, controller_options(first)).splitlines()
+            typed = [shlex.split(line)[2:] for line in lines if "bringup.py" in line]
+            assert len(typed) == 2
+            found = [match(*(each[: each.index("--realtime")] if "--realtime" in each else each)) for each in typed]
+            assert asdict(found[1].fusion) == asdict(first.fusion)
+            assert found[1].controller_file == first.controller_file
+            assert found[0].simulation == found[1].simulation == first.simulation
+            assert found[0].policy == found[1].policy == policy
+            assert found[0].fusion.controller == ("subsumption" if policy is None else "Bandit")
+
+
+@pytest.mark.parametrize(("name", "whose"), [("policy", "the fusion node"), ("max_steps", "the simulation")])
+def test_a_controller_with_a_parameter_of_another_part_is_refused(tmp_path: Path, name: str, whose: str) -> None:
+    source = bandit(tmp_path)
+    path = tmp_path / "bandit.py"
+    path.write_text(path.read_text().replace("bandit_random", name))
+    with (
+        only_ours(),
+        pytest.raises(BadInput, match=f"controller 'Bandit': {whose} has a parameter '{name}' already; choose another"),
+    ):
+        match("--controller", source)

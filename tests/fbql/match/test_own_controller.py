@@ -6,10 +6,11 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
+import fbql
 import pytest
 from bringup_run import Run
 from commands import replay, train
-from own_controller import bandit, only_ours
+from own_controller import NOT_SAVED, bandit, only_ours
 
 
 @pytest.fixture(autouse=True)
@@ -54,3 +55,38 @@ def test_a_controller_in_one_file_takes_part_everywhere(tmp_path: Path, capsys: 
     assert train([*words, "--policy", policy, "--out", str(tmp_path / "on")]) == 0
     assert train(["--controller", "fbql_literal", "--policy", policy, "--out", str(tmp_path / "no")]) == 2
     assert "the policy belongs to controller 'Bandit', not of 'fbql_literal'" in capsys.readouterr().err
+
+
+def test_a_run_whose_learned_values_cannot_be_kept_is_finished_as_incomplete(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "own.py").write_text(NOT_SAVED.replace("LEARNED", "1 / 0"))
+    words = [
+        "--controller",
+        str(tmp_path / "own.py"),
+        "--episodes",
+        "1",
+        "--guided",
+        "0",
+        "--max-steps",
+        "60",
+        "--json",
+    ]
+    assert train([*words, "--out", str(tmp_path / "trained")]) == 3
+    told = capsys.readouterr()
+    line = "policy.npz could not be written, the run goes on incomplete: controller 'A': ZeroDivisionError in line 14"
+    assert line in told.err
+    run = Run(tmp_path, [*words, "--out", str(tmp_path / "run"), "--processes", "one"])
+    try:
+        assert run.exit_code() == 3, run.stderr
+    finally:
+        run.close()
+    assert line in run.stderr
+    for directory in (tmp_path / "trained", run.out):
+        summary = json.loads((directory / "summary.json").read_text())
+        assert (summary["incomplete"], summary["episodes"]) == (True, 1)
+    assert next(run.out.glob("*.mcap"))
+
+    result = fbql.play(str(tmp_path / "own.py"), episodes=1, guided=0, max_steps=60)
+    assert result.summary["episodes"] == 1 and result.policy is None
+    assert result.notes == ("what was learned is lost: controller 'A': ZeroDivisionError in line 14: division by zero",)

@@ -104,12 +104,15 @@ def test_an_unknown_behavior_is_refused_with_the_known_names() -> None:
         observation_of("dance")
 
 
-def test_a_new_behavior_registers_its_observation_and_no_name_is_taken_twice() -> None:
+def test_a_new_behavior_registers_its_observation_and_replaces_its_own_but_none_that_ships() -> None:
     goal_distance = Observation((Feature("goal_distance", "m", 0.0, 3.2),), lambda world: (1.1 - world.robot_x_m,))
     try:
         register("test_goal", goal_distance)
         assert observation_of("test_goal").sense(world_with()) == (1.1,)
-        with pytest.raises(BadInput, match="already has an observation"):
-            register("test_goal", OBSERVATIONS["ball_seeking"])
+        register("test_goal", OBSERVATIONS["ball_seeking"])
+        assert observation_of("test_goal") is OBSERVATIONS["ball_seeking"], "as a notebook's cell that is run again"
+        register("ball_seeking", OBSERVATIONS["ball_seeking"])
+        with pytest.raises(BadInput, match="behavior 'ball_seeking': this package has an observation of that name"):
+            register("ball_seeking", goal_distance)
     finally:
         OBSERVATIONS.pop("test_goal", None)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from fbql_common.core.errors import BadInput
-from fbql_fusion.core.registry import forget_controller
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from fbql_studies.ablation import study as ablation
@@ -32,6 +31,7 @@ from fbql_studies.peers.study import evaluation_seed_of
 from fbql_studies.runner.study import MEASURED, Result
 from fbql_studies.scaling import study as scaling
 from fbql_studies.sensitivity import study as sensitivity
+from own_controller import only_ours
 from studies import make_short, shipped, tasks_of
 
 TRAINING = (ladder, ablation, sensitivity, scaling)
@@ -140,16 +140,36 @@ class Always:
 def test_a_controller_of_ones_own_takes_part(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(OWN)
     asked = ("--learners", "fbql_value", "--controllers", f"{tmp_path / 'own.py'}:Always")
-    try:
+    with only_ours():
         found = {task.key: task.parameters for task in tasks_of(ladder, *TINY, *asked)}
-        assert list(found)[-1] == "own-Always-trees1001-seed0"
+        assert re.fullmatch("own-Always-[0-9a-f]{12}-trees1001-seed0", list(found)[-1])
         results = {key: ladder.run(each) for key, each in found.items() if not key.startswith("fbql")}
         rows = ladder.table(results)
-    finally:
-        forget_controller("Always")
     assert next(row for row in rows if row.get("method") == "Always")["ratio_retuned"] is None
     assert any(row.get("rung") == "b, Always" for row in rows)
     assert ladder.words(rows)["size"].body[0][:3] == ["Always", "1", "0"]
+
+
+@pytest.mark.usefixtures("short")
+def test_controllers_of_one_name_share_no_result_and_an_edited_file_is_another_one(tmp_path: Path) -> None:
+    files = [tmp_path / "a.py", tmp_path / "b.py"]
+    for driver, file in enumerate(files):
+        file.write_text(OWN.replace("0.0), 0,", f"0.0), {driver},"))
+    asked = ("--learners", "fbql_value", "--controllers", str(files[0]), f"{files[1]}:Always", str(files[0]))
+    with only_ours():
+        first, second = (task for task in tasks_of(ladder, *TINY, *asked) if task.key.startswith("own"))
+        assert first.key != second.key
+        played = [ladder.run(task.parameters) for task in (first, second)]
+        methods = [result["runs"][0]["method"] for result in played]
+        assert methods == [f"Always {task.parameters['sha256']}" for task in (first, second)]
+        one, other = ({**result["runs"][0], "method": ""} for result in played)
+        assert one != other, "each drives by its own behavior"
+
+        files[0].write_text(files[0].read_text() + "# edited\n")
+        with pytest.raises(BadInput, match=r"a\.py:Always: it has changed since its tasks were made"):
+            ladder.run(first.parameters)
+        again = [task.key for task in tasks_of(ladder, *TINY, *asked) if task.key.startswith("own")]
+        assert first.key not in again and second.key in again
 
 
 def ladder_of(learned: dict[int, int], learner: str = "fbql", **figures: int) -> dict[str, Result]:

@@ -14,6 +14,7 @@ import numpy as np
 from fbql_behaviors.core.explanation import describe_tree
 from fbql_behaviors.core.patterns import Demonstration, Patterns
 from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.demonstration_storage import load_demonstrations
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
@@ -38,7 +39,7 @@ from fbql.demonstrations.make_tree import (
     request_of,
 )
 from fbql.match.in_process import play_match
-from fbql.match.options import match_from, set_text
+from fbql.match.options import match_from, plain, set_text
 
 PathLike = str | Path
 
@@ -127,30 +128,33 @@ def play(
         arguments = argparse.Namespace(
             controller=controller,
             preset=preset,
-            episodes=episodes,
-            goals=goals,
-            guided=guided,
-            max_steps=max_steps,
-            seed=seed,
-            learn=learn,
+            episodes=plain(episodes),
+            goals=plain(goals),
+            guided=plain(guided),
+            max_steps=plain(max_steps),
+            seed=plain(seed),
+            learn=plain(learn),
             policy=str(policy) if isinstance(policy, str | Path) else None if policy is None else "none",
             trees=directory,
             observation=list(observations),
             set=[f"{name}={set_text(value)}" for name, value in (parameters or {}).items()],
             out=None if out is None else Path(out),
-            json=False,
         )
-        match = match_from(arguments)
         given = policy.content if isinstance(policy, LearnedPolicy) else policy if isinstance(policy, Policy) else None
+        match = match_from(arguments, has_policy=given is not None)
         observer = None if kept is None else kept.add
         match, session, summary = play_match(match, given, write=out is not None, step_decided=observer)
-    learned = session.policy()
+    learned, lost = None, ()
+    try:
+        learned = session.policy()
+    except BadInput as error:  # of a controller of the user's own: the match was played all the same
+        lost = (f"what was learned is lost: {error}",)
     return PlayResult(
         summary=summary._asdict(),
         episodes=_episode_columns(session.records),
         steps={} if kept is None else kept.columns(session),
         policy=None if learned is None else LearnedPolicy(learned),
-        notes=match.notes if given is None else (),
+        notes=(*match.notes, *lost),
         path=None if out is None else match.out,
     )
 
@@ -170,7 +174,7 @@ def train(controller: str = "fbql", **arguments: Any) -> PlayResult:
     if not arguments.setdefault("learn", True):
         raise BadInput("train with learn=False does not learn; use play")
     name = resolve_controller(controller).name
-    if not learns(fusion_parameters()(controller=name)):
+    if not learns(fusion_parameters(name)(controller=name)):
         raise BadInput(f"controller '{controller}' does not learn; use play")
     return play(controller, **arguments)
 
@@ -234,9 +238,8 @@ def induce(
         BadInput: an unknown behavior, a value out of range, or demonstrations that can't be used.
     """
     register_observations(observations, [behavior])
-    request = request_of(
-        behavior, method=method, seed=seed, every=every, patterns=patterns, leaves=leaves, **parameters
-    )
+    numbers = {"seed": seed, "every": every, "patterns": patterns, "leaves": leaves, **parameters}
+    request = request_of(behavior, method=method, **{name: plain(value) for name, value in numbers.items()})
     found = demonstrations if isinstance(demonstrations, Patterns) else _patterns(request, demonstrations)
     made: InducedTree = induced_tree(request, found)
     return InductionResult(made.tree, made.value, made.rmse_levels, made.curve, found, made.seconds)
@@ -251,8 +254,6 @@ def _patterns(request: InductionRequest, given: Any) -> Patterns:
         if isinstance(item, Demonstration):
             demonstrations.append(item)
         else:
-            from fbql_behaviors.demonstration_storage import load_demonstrations  # it needs the message packages
-
             demonstrations += load_demonstrations(Path(item), request.behavior)
     return patterns_for(request, demonstrations)
 

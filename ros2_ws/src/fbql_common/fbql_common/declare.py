@@ -61,6 +61,9 @@ def declare_all(node: Node, *declarations: type[Any]) -> tuple[Any, ...]:
     """declare_parameters for several declarations that share one node."""
     where = node.get_fully_qualified_name()
     known = [name for declaration in declarations for name in types_of(declaration)]
+    for name in known:
+        if known.count(name) > 1:
+            raise BadInput(f"{where}: parameter '{name}' is declared by two parts; rename the one that is your own")
     for name in node._parameter_overrides:
         if name not in known and name not in _ALWAYS_THERE and not name.startswith("qos_overrides."):
             raise BadInput(f"{where}: unknown parameter '{name}'; known are: {', '.join(known)}")

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import sys
 from importlib.metadata import entry_points
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
@@ -23,27 +22,40 @@ def split_source(source: str) -> tuple[Path, str]:
     return Path(place).absolute(), name
 
 
+def content_hash(source: str) -> str:
+    """The first 12 digits of the SHA-256 of the file that FILE.py:NAME names. Raises BadInput if it can't be read."""
+    return hashlib.sha256(_content(split_source(source)[0])).hexdigest()[:12]
+
+
 def load_module(path: Path, what: str) -> ModuleType:
-    """The file as a module, run once per process. Raises BadInput with the file, the line and the reason.
+    """The file as a module, run once per process and content. Raises BadInput with the file, the line and the reason.
 
     Args:
         what: the object expected in it, in words, such as "an observation".
     """
-    name = f"fbql_own_{hashlib.sha256(str(path).encode()).hexdigest()[:16]}"
+    if path.suffix != ".py":
+        raise BadInput(f"{path}: {what} is a Python file; write FILE.py:NAME")
+    content = _content(path)
+    name = f"fbql_own_{hashlib.sha256(str(path).encode() + content).hexdigest()[:16]}"
     if name in sys.modules:
         return sys.modules[name]
-    spec = spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise BadInput(f"{path}: {what} is a Python file; write FILE.py:NAME")
-    module = module_from_spec(spec)
+    module = ModuleType(name)
+    module.__file__ = str(path)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        # An import would run bytecode that is cached by size and second: of a file edited twice in a second, the old one.
+        exec(compile(content, str(path), "exec", dont_inherit=True), vars(module))
     except Exception as error:  # whatever the file raises
         del sys.modules[name]
-        reason = f"cannot be read ({error.strerror})" if isinstance(error, OSError) else in_one_line(error, str(path))
-        raise BadInput(f"{path}: {reason}") from None
+        raise BadInput(f"{path}: {in_one_line(error, str(path))}") from None
     return module
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({error.strerror})") from None
 
 
 def load_installed(group: str, name: str, what: str) -> tuple[object, str] | None:

@@ -35,7 +35,7 @@ from fbql_msgs.msg import WheelCommand as WheelCommandMsg
 from fbql_msgs.srv import SavePolicy
 
 from fbql_fusion.controller_loading import register_installed, resolve_controller
-from fbql_fusion.core.assembly import Arrival, Step, StepAssembly
+from fbql_fusion.core.assembly import Arrival, PendingStep, StepAssembly
 from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.session import Session
 from fbql_fusion.episodes import Episodes
@@ -55,7 +55,9 @@ class FusionNode(GraphNode):
     def __init__(self, **options: Any) -> None:
         super().__init__("fusion", **options)
         controller = _know_controller(self)
-        self._settings, fusion = declare_all(self, FusionNodeParameters, fusion_parameters())
+        self._settings, fusion = declare_all(
+            self, FusionNodeParameters, fusion_parameters(controller or given_text(self, "controller"))
+        )
         if controller not in ("", fusion.controller):
             raise BadInput(
                 f"{self.get_fully_qualified_name()}: parameter 'controller' is '{fusion.controller}', but 'controller_file' "
@@ -117,7 +119,7 @@ class FusionNode(GraphNode):
         self._assembly.add_output(index, output, data)
         self._decide(self._assembly.complete())
 
-    def _decide(self, step: Step | None) -> None:
+    def _decide(self, step: PendingStep | None) -> None:
         if step is None or step.world is None:
             return
         world = step.world

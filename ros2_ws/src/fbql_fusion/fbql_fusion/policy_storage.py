@@ -20,6 +20,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from fbql_fusion.core.policy import Policy
+from fbql_fusion.core.session import Session
 
 FORMAT_VERSION = 1
 MAX_BYTES = 256 * 1024 * 1024
@@ -66,6 +67,16 @@ def policy_bytes(policy: Policy) -> bytes:
             npy.write_array(member, array, allow_pickle=False)
             archive.writestr(zipfile.ZipInfo(f"{name}.npy"), member.getvalue())
     return buffer.getvalue()
+
+
+def learned_bytes(session: Session) -> bytes | None:
+    """The file's bytes of what a session has learned; None where nothing is learned.
+
+    Raises:
+        BadInput: a value that is not finite, or a controller of the user's own whose `to_arrays` can't be used.
+    """
+    policy = session.policy()
+    return None if policy is None else policy_bytes(policy)
 
 
 def load_policy(path: Path) -> Policy:

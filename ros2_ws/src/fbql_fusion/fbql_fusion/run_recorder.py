@@ -40,7 +40,7 @@ from fbql_recording.run_directory import (
 
 from fbql_fusion.core.session import Session
 from fbql_fusion.node_parameters import FusionNodeParameters
-from fbql_fusion.policy_storage import policy_bytes, save_policy
+from fbql_fusion.policy_storage import learned_bytes, save_policy
 
 DONE, INCOMPLETE = 0, 3
 _JSON, _YAML, _NPZ = "application/json", "application/yaml", "application/octet-stream"
@@ -133,12 +133,10 @@ class RunRecorder:
             return
         self._closed = True
         wall_s = None if self._begun_s is None else monotonic() - self._begun_s
-        policy = self._session.policy()
         attachments: list[Attachment] = []
-        if policy is not None:
-            self._directory.write_policy(lambda: policy_bytes(policy))
-            if not self._directory.failed:
-                attachments.append(Attachment(POLICY, _NPZ, policy_bytes(policy)))
+        learned = self._directory.write_policy(lambda: learned_bytes(self._session))
+        if learned is not None and not self._directory.failed:
+            attachments.append(Attachment(POLICY, _NPZ, learned))
         messages = 0
         if self._recorder is not None:
             if not self._directory.failed:

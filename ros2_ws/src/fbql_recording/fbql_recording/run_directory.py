@@ -129,9 +129,19 @@ class RunDirectory:
         if not self.failed:
             self._guarded("episodes.csv", lambda: self._append(",".join(map(str, values)) + "\n"))
 
-    def write_policy(self, content: Callable[[], bytes]) -> None:
-        """Writes policy.npz, completely or not at all. Content that raises BadInput is reported and not written."""
-        self._guarded("policy.npz", lambda: write_atomically(self.path / "policy.npz", content()))
+    def write_policy(self, content: Callable[[], bytes | None]) -> bytes | None:
+        """Writes policy.npz, completely or not at all. Returns what was written: None if there is nothing to write.
+
+        Content that raises BadInput is reported and not written.
+        """
+
+        def write() -> bytes | None:
+            data = content()
+            if data is not None:
+                write_atomically(self.path / "policy.npz", data)
+            return data
+
+        return self._guarded("policy.npz", write)
 
     def write_summary(self, summary: Summary) -> None:
         """Writes summary.json, completely or not at all; `incomplete` is set if any write failed before."""
@@ -161,15 +171,16 @@ class RunDirectory:
             raise
         self._size += len(data)
 
-    def _guarded(self, name: str, write: Callable[[], None]) -> None:
-        """Writes; a failure is latched and reported the first time, never raised."""
+    def _guarded[T](self, name: str, write: Callable[[], T]) -> T | None:
+        """Writes, and gives what `write` gives; a failure is latched and reported the first time, never raised."""
         try:
-            write()
+            return write()
         except (OSError, BadInput) as error:
             reason = error.strerror if isinstance(error, OSError) else str(error)
             if not self.failed:
                 self._report(f"{self.path / name} could not be written, the run continues, incomplete: {reason}")
             self.failed = True
+        return None
 
 
 def software_versions() -> dict[str, str]:

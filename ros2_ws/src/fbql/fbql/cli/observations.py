@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from fbql_behaviors.core.observation import OBSERVATIONS, register
 from fbql_behaviors.observation_loading import find_observation, load_observation
+from fbql_common.core.errors import BadInput
 
 
 def add_observation_option(parser: argparse._ActionsContainer) -> None:
@@ -28,6 +29,10 @@ def register_observations(sources: Sequence[str], behaviors: Sequence[str] = ())
     found: dict[str, str] = {}
     for source in sources:
         loaded = load_observation(source)
+        if found.get(loaded.behavior, loaded.source) != loaded.source:
+            raise BadInput(
+                f"behavior '{loaded.behavior}' has two observations, {found[loaded.behavior]} and {source}; name one"
+            )
         register(loaded.behavior, loaded.observation)
         found[loaded.behavior] = loaded.source
     for behavior in behaviors:

@@ -23,7 +23,15 @@ from fbql.graph.domains import domain_from
 from fbql.graph.launch import Mode
 from fbql.graph.supervision import BEFORE_THE_MATCH, Supervision
 from fbql.match.in_process import rehearse
-from fbql.match.options import Match, make_run_directory, match_from, match_parser, policy_summary, same_options
+from fbql.match.options import (
+    Match,
+    controller_options,
+    make_run_directory,
+    match_from,
+    match_parser,
+    policy_summary,
+    same_options,
+)
 from fbql.match.result import next_steps, summary_text
 
 START_TIMEOUT_S = 30.0
@@ -118,7 +126,7 @@ def _report(match: Match, code: int, as_json: bool, line: LiveLine, interrupts: 
         line.complain(f"ended by {interrupts.name}; what was played until then is complete")
     summary = json.loads(path.read_text())
     text = summary_text(summary, run, match.simulation.dt_s, policy_summary(match))
-    text += f"\n{next_steps(summary, run, same_options(match), match.fusion.learn)}"
+    text += f"\n{next_steps(summary, run, same_options(match), match.fusion.learn, controller_options(match))}"
     try:
         print_result(json.dumps(summary) if as_json else text)
     except OSError as error:

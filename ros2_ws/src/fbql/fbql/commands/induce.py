@@ -15,6 +15,7 @@ from fbql_behaviors.core.observation import OBSERVATIONS
 from fbql_behaviors.core.patterns import Demonstration, Patterns
 from fbql_behaviors.core.quantizer import rad_s_of
 from fbql_behaviors.core.tree_value import tree_value
+from fbql_behaviors.demonstration_storage import load_demonstrations
 from fbql_behaviors.storage import save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import types_of
@@ -127,8 +128,6 @@ def _demonstrations(request: InductionRequest, paths: Sequence[Path] | None) -> 
     if not paths:
         say(f"no --demos: the scripted instructor demonstrates (seed {DEMONSTRATION_SEED})")
         return instructed(request)
-    from fbql_behaviors.demonstration_storage import load_demonstrations  # it needs the message packages
-
     return [each for path in paths for each in load_demonstrations(path, request.behavior)]
 
 

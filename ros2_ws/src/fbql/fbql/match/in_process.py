@@ -15,7 +15,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, Phase, WheelCommand, World
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session
-from fbql_fusion.policy_storage import load_policy, policy_bytes
+from fbql_fusion.policy_storage import learned_bytes, load_policy
 from fbql_fusion.shipped import shipped_policy
 from fbql_recording.core.metrics import Summary
 from fbql_recording.run_directory import RunDirectory, own_revision, software_versions
@@ -159,9 +159,7 @@ def play_match(
     wall_s = monotonic() - begun_s
     if files is None:
         return Played(match, session, session.summary(wall_s))
-    learned = session.policy()
-    if learned is not None:
-        files.write_policy(lambda: policy_bytes(learned))
+    files.write_policy(lambda: learned_bytes(session))
     summary = session.summary(wall_s, messages_recorded=0, incomplete=files.failed)
     files.write_summary(summary)
     files.close()

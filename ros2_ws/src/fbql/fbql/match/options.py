@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
@@ -18,6 +19,7 @@ from fbql_common.core.parameters import from_mapping, limits_of, types_of
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.parameters import PRESETS, FusionParameters, check_fusion, guided_episodes, unused_parameters
 from fbql_fusion.core.registry import fusion_parameters, learns
+from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.shipped import shipped_policy
 from fbql_recording.run_directory import create_next_run_directory, create_run_directory
 from fbql_sim.core.parameters import SimulationParameters
@@ -45,7 +47,6 @@ class Match:
     out: Path
     """The run directory. Unless the user named it, it is only known for sure when it is made."""
     out_named: bool
-    json: bool
     trees: Path | None = None
     """The directory of the trees, if the user named one."""
     observations: dict[str, str] = field(default_factory=dict[str, str])
@@ -110,8 +111,11 @@ def match_parser(program: str, description: str) -> Parser:
     return parser
 
 
-def match_from(arguments: argparse.Namespace) -> Match:
+def match_from(arguments: argparse.Namespace, has_policy: bool = False) -> Match:
     """The match that the arguments describe.
+
+    Args:
+        has_policy: a policy is given as an object, and takes the place of a file.
 
     Raises:
         BadInput: a value out of range, an unknown parameter, a file that is not there.
@@ -134,10 +138,12 @@ def match_from(arguments: argparse.Namespace) -> Match:
     if arguments.guided is not None:
         values["guided"] = arguments.guided
     simulation: dict[str, Any] = {"max_steps": arguments.max_steps}
-    given = [_add_setting(setting, values, simulation) for setting in arguments.set]
+    declaration = fusion_parameters(controller.name)
+    _refuse_clashes(controller.name, declaration)
+    given = [_add_setting(setting, declaration, values, simulation) for setting in arguments.set]
     if arguments.preset:
         given.append("preset")
-    fusion = from_mapping(fusion_parameters(), values, "fusion")
+    fusion = from_mapping(declaration, values, "fusion")
     check_fusion(fusion, "fusion")
     for name in RESERVED_NAMES & set(fusion.behaviors):
         raise BadInput(f"parameter 'behaviors' has '{name}', which is the name of another node")
@@ -145,7 +151,9 @@ def match_from(arguments: argparse.Namespace) -> Match:
     fits = _are_shipped(behaviors)
     shipped = fusion.controller == "fbql" and fusion.guided <= 0 and fits
     policy = _policy(arguments.policy, shipped)
-    notes = [*_notes_on_the_start(fusion, policy, fits, arguments.policy is not None), *_unused(fusion, policy, given)]
+    has_policy = has_policy or policy is not None
+    notes = [] if has_policy else [*_notes_on_the_start(fusion, fits, arguments.policy is not None)]
+    notes += _unused(fusion, has_policy, given)
     return Match(
         fusion=fusion,
         simulation=from_mapping(SimulationParameters, simulation, "simulation"),
@@ -153,7 +161,6 @@ def match_from(arguments: argparse.Namespace) -> Match:
         policy=policy,
         out=_out(arguments.out, fusion),
         out_named=arguments.out is not None,
-        json=arguments.json,
         trees=arguments.trees and arguments.trees.absolute(),
         observations=register_observations(arguments.observation),
         controller_file=controller.source,
@@ -161,8 +168,25 @@ def match_from(arguments: argparse.Namespace) -> Match:
     )
 
 
-def _notes_on_the_start(fusion: FusionParameters, policy: Path | None, fits: bool, asked: bool) -> Iterator[str]:
-    if policy is not None or not learns(fusion):
+def _refuse_clashes(controller: str, declaration: type[FusionParameters]) -> None:
+    """Raises BadInput where an own parameter has the name of one that --set or config.yaml has for another part."""
+    for whose, other in (("the fusion node", FusionNodeParameters), ("the simulation", SimulationParameters)):
+        for name in _own_names(declaration):
+            if name in limits_of(other):
+                raise BadInput(
+                    f"controller '{controller}': {whose} has a parameter '{name}' already; choose another name"
+                )
+
+
+def _own_names(declaration: type[FusionParameters]) -> list[str]:
+    """The parameters that only a controller of the user's own has."""
+    ours = limits_of(FusionParameters)
+    return [name for name in limits_of(declaration) if name not in ours]
+
+
+def _notes_on_the_start(fusion: FusionParameters, fits: bool, asked: bool) -> Iterator[str]:
+    """What may be unexpected of a start without a policy."""
+    if not learns(fusion):
         return
     if fusion.controller == "fbql" and not (fits or asked):
         yield "starts untrained: the shipped policy belongs to the shipped trees; --policy FILE names another"
@@ -170,14 +194,12 @@ def _notes_on_the_start(fusion: FusionParameters, policy: Path | None, fits: boo
         yield f"{fusion.controller} neither learns nor has a policy: its weights stay as they were at the start; give --policy FILE"
 
 
-def _unused(fusion: FusionParameters, policy: Path | None, given: Sequence[str]) -> Iterator[str]:
+def _unused(fusion: FusionParameters, has_policy: bool, given: Sequence[str]) -> Iterator[str]:
     """The options that have no effect with this controller."""
     learner = learns(fusion)
     if not (learner or fusion.learn):
         yield f"--no-learn has no effect: {fusion.controller} does not learn"
-    yield from unused_parameters(
-        fusion, given, guided_episodes(fusion, learner and fusion.learn, policy is not None) > 0
-    )
+    yield from unused_parameters(fusion, given, guided_episodes(fusion, learner and fusion.learn, has_policy) > 0)
 
 
 def _are_shipped(behaviors: dict[str, Path]) -> bool:
@@ -190,10 +212,12 @@ def _are_shipped(behaviors: dict[str, Path]) -> bool:
         return False  # it is reported where the tree is played
 
 
-def _add_setting(setting: str, fusion: dict[str, Any], simulation: dict[str, Any]) -> str:
+def _add_setting(
+    setting: str, declared: type[FusionParameters], fusion: dict[str, Any], simulation: dict[str, Any]
+) -> str:
     """Adds the value of a --set to the node's that has the parameter. Returns the parameter's name."""
     name, equals, text = setting.partition("=")
-    declarations = ((fusion, fusion_parameters()), (simulation, SimulationParameters))
+    declarations = ((fusion, declared), (simulation, SimulationParameters))
     for values, declaration in declarations:
         if equals and name in limits_of(declaration):
             values[name] = parse_value(text, types_of(declaration)[name], name)
@@ -273,18 +297,41 @@ def same_options(match: Match) -> str:
     words = [word for source in match.observations.values() for word in ("--observation", source)]
     if match.trees is not None:
         words += "--trees", str(match.trees)
-    for values in (match.fusion, match.simulation):
-        usual = type(values)()
-        for name in limits_of(type(values)):
-            if name not in _OF_THE_RUN and (value := getattr(values, name)) != getattr(usual, name):
-                words += "--set", f"{name}={set_text(value)}"
+    words += _settings(match.fusion, limits_of(FusionParameters).keys() - _OF_THE_RUN)
+    words += _settings(match.simulation, limits_of(SimulationParameters))
+    return _quoted(words)
+
+
+def controller_options(match: Match) -> str:
+    """The options by which bringup has the controller of a match again, with its own parameters; as `same_options`."""
+    words = ["--controller", match.controller_file or match.fusion.controller]
+    return _quoted([*words, *_settings(match.fusion, _own_names(type(match.fusion)))])
+
+
+def _settings(values: FusionParameters | SimulationParameters, names: Collection[str]) -> list[str]:
+    """Those of these parameters that are not at their defaults, as options."""
+    words: list[str] = []
+    usual = type(values)()
+    for name in limits_of(type(values)):
+        if name in names and (value := getattr(values, name)) != getattr(usual, name):
+            words += "--set", f"{name}={set_text(value)}"
+    return words
+
+
+def _quoted(words: Sequence[str]) -> str:
     return "".join(f" {shlex.quote(word)}" for word in words)
+
+
+def plain(value: Any) -> Any:
+    """A scalar of NumPy as Python's own; anything else as it is."""
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def set_text(value: object) -> str:
     """A parameter's value as --set takes it."""
-    if isinstance(value, list):
-        return ",".join(cast("list[str]", value))
+    if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str):
+        return ",".join(str(item) for item in cast("Sequence[object]", value))
+    value = plain(value)
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 

@@ -86,15 +86,16 @@ def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
     return [("guided", count, "episodes came first; they count only in the lines below")] if count else []
 
 
-def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: bool = True) -> str:
+def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: bool = True, controller: str = "") -> str:
     """What to type next.
 
     Args:
         same: the options that give bringup the same behaviors, trees and parameters again.
         learn: whether the controller could keep learning.
+        controller: the options that give it the same controller; by default its name.
     """
     bringup = f"{command_text('bringup')}{same}"
-    player = f"{bringup} --controller {summary['controller']}"
+    player = bringup + (controller or f" --controller {summary['controller']}")
     place = shlex.quote(str(run))
     if (run / "policy.npz").is_file():
         player += f" --policy {shlex.quote(str(run / 'policy.npz'))}"

@@ -78,7 +78,7 @@ def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
         raise BadInput(
             f"{run.path}: unknown controller '{controller}'; name its file with --controller FILE.py:{controller}{there}"
         )
-    declaration = fusion_parameters()
+    declaration = fusion_parameters(controller)
     ours = [field.name for field in fields(declaration)]
     others = {field.name for field in fields(FusionNodeParameters)}
     lacking = [name for name in ours if name not in found]

@@ -15,7 +15,7 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
-from fbql_common.core.parameters import from_mapping, types_of
+from fbql_common.core.parameters import defaults_of, from_mapping, types_of
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.parameters import FROM_PRESET, FusionParameters, check_fusion, unused_parameters
 from fbql_fusion.core.policy import Policy
@@ -47,7 +47,8 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
     policy = _policy(run, recorded, parameters, arguments.policy, notes)
     behaviors = _behaviors(run, arguments)
     session = Session(from_mapping(type(parameters), {**asdict(parameters), **_ENDLESS}, "fusion"), policy)
-    changes = {name: [was, now] for name, was in asdict(recorded).items() if (now := asdict(parameters)[name]) != was}
+    before = {**defaults_of(type(parameters)), **asdict(recorded)}
+    changes = {name: [before[name], now] for name, now in asdict(parameters).items() if now != before[name]}
     tallies = Tallies(run.behaviors)
     total = max(run.counts.values(), default=0)
     figure = None
@@ -85,13 +86,14 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
 
 
 def _changed(recorded: FusionParameters, arguments: argparse.Namespace, controller: str) -> FusionParameters:
-    values = asdict(recorded)
+    declaration = fusion_parameters(controller or recorded.controller)
+    kinds = types_of(declaration)
+    values = {name: value for name, value in asdict(recorded).items() if name in kinds}
     if arguments.preset:
         # Thresholds that were set one by one would override the preset's.
         values |= {"preset": arguments.preset, "wall_threshold_m": FROM_PRESET, "approach_threshold_rad": FROM_PRESET}
     if controller:
         values["controller"] = controller
-    kinds = types_of(fusion_parameters())
     for setting in arguments.set:
         name, equals, text = setting.partition("=")
         if not equals or name not in kinds or name in _ENDLESS or name == "behaviors":
@@ -102,7 +104,7 @@ def _changed(recorded: FusionParameters, arguments: argparse.Namespace, controll
                 f"the world states stay as they were recorded){hint}"
             )
         values[name] = parse_value(text, kinds[name], name)
-    parameters = from_mapping(fusion_parameters(), values, "fusion")
+    parameters = from_mapping(declaration, values, "fusion")
     check_fusion(parameters, "fusion")
     return parameters
 

@@ -10,7 +10,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fbql_behaviors.core.induction import InductionParameters, induce
 from fbql_behaviors.core.patterns import Patterns
 from fbql_behaviors.core.quantizer import LEVEL_RAD_S, levels_of_classes
 from fbql_behaviors.core.tree import Tree
@@ -26,11 +25,6 @@ def wheel_rmse(tree: Tree, patterns: Patterns) -> float:
 def wheel_errors(tree: Tree, patterns: Patterns) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     """Reference minus quantized velocity of each pattern and wheel: [n, 2] [levels]."""
     return tree.references(patterns.x) / LEVEL_RAD_S - levels_of_classes(patterns.wheel_class)
-
-
-def held_out_rmse(behavior: str, patterns: Patterns, parameters: InductionParameters, seed: int) -> float | None:
-    """The cross-validated error [levels] of induction with these parameters."""
-    return cross_validated_rmse(patterns, lambda part: induce(behavior, part, parameters, seed).tree)
 
 
 def cross_validated_rmse(patterns: Patterns, make: Callable[[Patterns], Tree]) -> float | None:

@@ -95,12 +95,17 @@ OBSERVATIONS: dict[str, Observation] = {
     ),
 }
 """Behavior name -> its observation."""
+_SHIPPED = frozenset(OBSERVATIONS)
 
 
 def register(behavior: str, observation: Observation) -> None:
-    """Registers the observation of a new behavior. Raises BadInput when the name is taken by another observation."""
-    if OBSERVATIONS.setdefault(behavior, observation) != observation:
-        raise BadInput(f"behavior '{behavior}' already has an observation; choose another name")
+    """Registers the observation of a new behavior. One that was registered under this name before is replaced.
+
+    Raises BadInput when this package has another observation of that name.
+    """
+    if behavior in _SHIPPED and OBSERVATIONS[behavior] != observation:
+        raise BadInput(f"behavior '{behavior}': this package has an observation of that name; choose another name")
+    OBSERVATIONS[behavior] = observation
 
 
 def observation_of(behavior: str) -> Observation:

@@ -29,7 +29,7 @@ class Arrival(Enum):
     """Of an older step, of one far ahead, of another episode, or of an episode whose beginning was missed."""
 
 
-class Step:
+class PendingStep:
     """What has arrived for one step: decoded values and their bytes; None and b"" where nothing has arrived."""
 
     __slots__ = ("data", "outputs", "world", "world_data")
@@ -55,7 +55,7 @@ class StepAssembly:
         self._decided: World | None = None
         self._newest_step = 0
         """The newest accepted world state of the episode, decided or not."""
-        self._steps: dict[int, Step] = {}
+        self._steps: dict[int, PendingStep] = {}
 
     def begin(self, episode: int, anywhere: bool = False) -> None:
         """An episode was requested: only its world states count from here on.
@@ -103,15 +103,15 @@ class StepAssembly:
             step.outputs[index], step.data[index] = output, data
         self._waited_for[index] = True
 
-    def oldest(self) -> Step | None:
+    def oldest(self) -> PendingStep | None:
         """The oldest step that has its world state, if any is waiting."""
         return next((step for step in self._steps.values() if step.world is not None), None)
 
-    def newest(self) -> Step | None:
+    def newest(self) -> PendingStep | None:
         """The newest step that has its world state, if any is waiting."""
         return next((step for step in reversed(self._steps.values()) if step.world is not None), None)
 
-    def complete(self) -> Step | None:
+    def complete(self) -> PendingStep | None:
         """The newest step with its world state and the answer of every behavior that is waited for."""
         for step in reversed(self._steps.values()):
             if step.world is not None and (None not in step.outputs or self._is_complete(step)):
@@ -134,7 +134,7 @@ class StepAssembly:
                 dropped.append(name)
         return dropped
 
-    def decided(self, step: Step) -> None:
+    def decided(self, step: PendingStep) -> None:
         """Marks a step as decided, and drops those before it: they are never decided."""
         world = step.world
         if world is None:
@@ -145,15 +145,15 @@ class StepAssembly:
         else:
             self._steps = {stamp: kept for stamp, kept in self._steps.items() if stamp > world.stamp_ns}
 
-    def _step(self, stamp_ns: int) -> Step:
+    def _step(self, stamp_ns: int) -> PendingStep:
         step = self._steps.get(stamp_ns)
         if step is None:
             if len(self._steps) == _MAX_STEPS:
                 del self._steps[next(iter(self._steps))]
-            step = self._steps[stamp_ns] = Step(len(self._names))
+            step = self._steps[stamp_ns] = PendingStep(len(self._names))
         return step
 
-    def _is_complete(self, step: Step) -> bool:
+    def _is_complete(self, step: PendingStep) -> bool:
         """Whether the behaviors that are waited for, at least one, have answered."""
         return True in self._waited_for and not any(
             waited_for and output is None for waited_for, output in zip(self._waited_for, step.outputs, strict=True)

@@ -71,32 +71,24 @@ def register_controller(name: str, factory: Factory, parameters: type[Any] | Non
         raise BadInput(f"{where}: a {type(factory).__name__} is not a class or a function (parameters, generator)")
     declaration = getattr(factory, "Parameters", None) if parameters is None else parameters
     if declaration is not None:
-        _check_declaration(declaration, name, where)
+        _check_declaration(declaration, where)
     _registered[name] = _Registered(factory, declaration)
     if name not in CONTROLLERS:
         CONTROLLERS.append(name)
 
 
-def forget_controller(name: str) -> None:
-    """Undoes `register_controller`."""
-    del _registered[name]
-    CONTROLLERS.remove(name)
-
-
-def fusion_parameters() -> type[FusionParameters]:
-    """`FusionParameters`, and with them the own parameters of every controller that was registered."""
-    own: dict[str, tuple[str, Any, Any]] = {}
-    ours = limits_of(FusionParameters)
-    for name, registered in _registered.items():
-        if registered.parameters is not None:
-            kinds = types_of(registered.parameters)
-            for field in dataclasses.fields(registered.parameters):
-                owners = ours[field.name].owners if field.name in ours else ()
-                if field.name not in ours or owners:
-                    own[field.name] = (field.name, kinds[field.name], _owned(field, (*owners, name)))
-    if not own:
+def fusion_parameters(controller: str) -> type[FusionParameters]:
+    """`FusionParameters`, and with them the own parameters of this controller, if it is a registered one that has some."""
+    declaration = _registered[controller].parameters if controller in _registered else None
+    if declaration is None:
         return FusionParameters
-    return dataclasses.make_dataclass("FusionParameters", own.values(), bases=(FusionParameters,), frozen=True)
+    ours, kinds = limits_of(FusionParameters), types_of(declaration)
+    own: list[tuple[str, Any, Any]] = []
+    for field in dataclasses.fields(declaration):
+        owners = ours[field.name].owners if field.name in ours else ()
+        if field.name not in ours or owners:
+            own.append((field.name, kinds[field.name], _owned(field, (*owners, controller))))
+    return dataclasses.make_dataclass("FusionParameters", own, bases=(FusionParameters,), frozen=True)
 
 
 def make_controller(parameters: FusionParameters) -> Controller:
@@ -120,7 +112,7 @@ def learns(parameters: FusionParameters) -> bool:
     return isinstance(make_controller(parameters), Learner)
 
 
-def _check_declaration(declaration: Any, name: str, where: str) -> None:
+def _check_declaration(declaration: Any, where: str) -> None:
     """Raises BadInput if a declaration can't be added to fusion's parameters."""
     if not (isinstance(declaration, type) and dataclasses.is_dataclass(declaration)):
         raise BadInput(f"{where}: its Parameters must be a dataclass of parameter(...) fields")
@@ -131,17 +123,10 @@ def _check_declaration(declaration: Any, name: str, where: str) -> None:
         check(declaration(), where)
     except (TypeError, NameError) as error:
         raise BadInput(f"{where}: its Parameters can't be used ({error})") from None
-    others = {
-        field.name: other
-        for other, registered in _registered.items()
-        if other != name and registered.parameters is not None
-        for field in dataclasses.fields(registered.parameters)
-    }
     ours = limits_of(FusionParameters)
     for key, limits in limits_of(declaration).items():
-        if (key in ours and limits != ours[key]._replace(owners=limits.owners)) or (key not in ours and key in others):
-            whose = others.get(key, "fusion")
-            raise BadInput(f"{where}: {whose} has a parameter '{key}' already; choose another name")
+        if key in ours and limits != ours[key]._replace(owners=limits.owners):
+            raise BadInput(f"{where}: fusion has a parameter '{key}' already; choose another name")
 
 
 def _owned(field: dataclasses.Field[Any], owners: tuple[str, ...]) -> Any:

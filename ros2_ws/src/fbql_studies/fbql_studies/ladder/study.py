@@ -7,7 +7,7 @@ and evaluation use separate run seeds.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,6 +15,8 @@ from typing import Any
 from fbql.statistics.runs import Runs, method_row, runs_by_method
 from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
+from fbql_common.core.errors import BadInput
+from fbql_common.own_code import content_hash
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
@@ -128,14 +130,33 @@ def tasks(options: argparse.Namespace) -> list[StudyTask]:
             for k in range(options.trees)
         ]
         found, controls = found + controls, []
-    for source in getattr(options, "controllers", []):
-        known = resolve_controller(source)
-        own = {"part": known.name, "controller": known.source or known.name, "episodes": options.episodes, **given}
+    for key, own in _own_controllers(getattr(options, "controllers", [])).items():
         found += [
-            StudyTask(f"own-{known.name}-trees{SEEDS.tree(k)}-seed{seed}", {**own, "set": k, "seed": seed})
+            StudyTask(
+                f"{key}-trees{SEEDS.tree(k)}-seed{seed}",
+                {**own, "set": k, "seed": seed, "episodes": options.episodes, **given},
+            )
             for seed in range(options.seeds)
             for k in range(options.trees)
         ]
+    return found
+
+
+def _own_controllers(sources: Sequence[str]) -> dict[str, Parameters]:
+    """How the keys of a controller's tasks begin, and what its tasks know of it.
+
+    The content of its file is part of both, so that one that was edited does not resume the results of the other.
+    """
+    found: dict[str, Parameters] = {}
+    for source in sources:
+        name, file = know_controller(source)
+        digest = content_hash(file) if file else ""
+        key = f"own-{name}-{digest}" if digest else f"own-{name}"
+        found.setdefault(key, {"part": name, "controller": file or name, "sha256": digest})
+    names = [own["part"] for own in found.values()]
+    for own in found.values():
+        if names.count(own["part"]) > 1:
+            own["part"] += f" {own['sha256'] or 'installed'}"
     return found
 
 
@@ -151,8 +172,12 @@ def run(parameters: Parameters) -> Result:
 def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
     learner, tree_set, seed = parameters["part"], parameters["set"], parameters["seed"]
     if own := parameters.get("controller"):
-        resolve_controller(own)  # a worker is a separate process
-    controller, changes = TRAINED.get(learner, (learner, {}))
+        known = resolve_controller(own)  # a worker is a separate process
+        if parameters["sha256"] not in ("", content_hash(own)):
+            raise BadInput(f"{own}: it has changed since its tasks were made; start the study again")
+        controller, changes = known.name, {}
+    else:
+        controller, changes = TRAINED[learner]
     fusion = training_of(SEEDS.training(seed), parameters["episodes"], controller, **changes)
     begun_s = perf_counter()
     trained = train(fusion, behaviors, loop)

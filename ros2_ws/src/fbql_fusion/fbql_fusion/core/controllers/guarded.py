@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
 from numbers import Real
 from typing import Any, cast
 
@@ -67,7 +68,10 @@ class GuardedLearner(Guarded):
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """See `Learner`."""
-        return self._call("to_arrays")
+        arrays = self._call("to_arrays")
+        if wrong := _why_no_arrays(arrays):
+            raise BadInput(f"{self._where}: 'to_arrays' gives {wrong}")
+        return dict(arrays)
 
     def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """See `Learner`."""
@@ -109,12 +113,29 @@ def _why_unusable(selection: Any, n: int) -> str:
         return f"driver {driver!r}; expected the index of a behavior, or -1 for a blend by the weights"
     for name, values, lengths in (("weights", weights, (n,)), ("q", q, (0, n)), ("learned weights", learned, (0, n))):
         try:
-            numbers = [isinstance(x, Real) for x in values]
+            numbers = [isinstance(x, Real) and isfinite(x) for x in values]
         except TypeError:
             return f"{name} that are a {_kind(values)}"
+        except OverflowError:  # a whole number beyond the largest float
+            numbers = [False]
         if len(numbers) not in lengths or not all(numbers):
             none = " or none" if 0 in lengths else ""
-            return f"{name} {values!r}; expected {n} numbers{none}"
+            return f"{name} {values!r}; expected {n} finite numbers{none}"
+    return ""
+
+
+def _why_no_arrays(arrays: Any) -> str:
+    """What is wrong with the result of `to_arrays`, in words; "" if nothing is."""
+    if not isinstance(arrays, Mapping):
+        return f"a {_kind(arrays)}; expected a dict of name -> array"
+    for name, array in cast("Mapping[Any, Any]", arrays).items():
+        if not isinstance(name, str):
+            return f"a {_kind(name)} as a name; expected a text"
+        if not isinstance(array, np.ndarray):
+            return f"'{name}' as a {_kind(array)}; expected an array of numbers"
+        dtype = cast("NDArray[Any]", array).dtype
+        if dtype.kind not in "iufb":
+            return f"'{name}' as an array of {dtype}; expected an array of numbers"
     return ""
 
 
