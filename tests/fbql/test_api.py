@@ -78,7 +78,7 @@ def test_notes_with_a_policy_object_are_those_with_its_file(tmp_path: Path) -> N
     file = learned.save(tmp_path / "policy.npz")
     given = {"learn": False, "parameters": {"layers": ["ball_seeking"]}, **SHORT}
     notes = [fbql.play("fbql_literal", policy=each, **given).notes for each in (learned, learned.content, file)]
-    told = "layers plays no part: it belongs to subsumption, the controller is fbql_literal, and no episode is guided"
+    told = "layers has no effect: it belongs to subsumption, the controller is fbql_literal, and no episode is guided"
     assert notes == [(told,)] * 3
 
 

@@ -79,7 +79,7 @@ def test_a_file_that_was_edited_is_played_as_it_is_now(tmp_path: Path) -> None:
     chosen: list[int] = []
     for driver in (0, 1, 0):
         path = written(tmp_path, NOT_SAVED.replace("self.weights, -1", f"self.weights, {driver}"))
-        know_controller(str(path))
+        resolve_controller(str(path))
         chosen.append(play(Session(replace(parameters(), controller="A")), 1)[0].driver)
     assert chosen == [0, 1, 0], "the texts are of one length, written within a second"
 
@@ -208,7 +208,7 @@ def test_what_is_wrong_with_a_controller_is_one_line(tmp_path: Path, text: str, 
     ],
 )
 def test_what_is_wrong_with_what_was_learned_is_one_line(tmp_path: Path, learned: str, reason: str) -> None:
-    know_controller(f"{written(tmp_path, NOT_SAVED.replace('LEARNED', learned))}:A")
+    resolve_controller(f"{written(tmp_path, NOT_SAVED.replace('LEARNED', learned))}:A")
     session = Session(replace(parameters(), controller="A"))
     play(session, 1)
     with pytest.raises(BadInput) as refused:

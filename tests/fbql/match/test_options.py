@@ -1,4 +1,4 @@
-"""The options of a match: what it starts from, and which options play no part."""
+"""The options of a match: what it starts from, and which options have no effect."""
 
 from __future__ import annotations
 

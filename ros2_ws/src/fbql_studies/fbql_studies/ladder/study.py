@@ -149,7 +149,7 @@ def _own_controllers(sources: Sequence[str]) -> dict[str, Parameters]:
     """
     found: dict[str, Parameters] = {}
     for source in sources:
-        name, file = know_controller(source)
+        name, file = resolve_controller(source)
         digest = content_hash(file) if file else ""
         key = f"own-{name}-{digest}" if digest else f"own-{name}"
         found.setdefault(key, {"part": name, "controller": file or name, "sha256": digest})
