@@ -100,7 +100,7 @@ class Chunk(NamedTuple):
 
 
 @dataclass
-class Summary:
+class McapSummary:
     """What the summary of an MCAP file says; records of the data section by the byte where each begins."""
 
     start: int = 0
@@ -115,7 +115,7 @@ class Summary:
     metadata: dict[int, MetadataIndex] = field(default_factory=dict[int, MetadataIndex])
 
 
-def read_summary(file: BinaryIO, size: int) -> Summary | None:
+def read_summary(file: BinaryIO, size: int) -> McapSummary | None:
     """The summary of a file of `size` bytes; None where it has none.
 
     Raises:
@@ -139,13 +139,13 @@ def read_summary(file: BinaryIO, size: int) -> Summary | None:
     data = file.read(footer_at - start)
     if crc and zlib.crc32(data + footer[:-4]) != crc:
         raise Damaged("the CRC of its summary does not match")
-    summary = Summary(start, crc != 0)
+    summary = McapSummary(start, crc != 0)
     for _ in messages_in(data, lambda opcode, body: _add(summary, opcode, body)):
         pass
     return summary
 
 
-def _add(summary: Summary, opcode: int, body: bytes) -> None:
+def _add(summary: McapSummary, opcode: int, body: bytes) -> None:
     record = parse(opcode, body) if opcode in _RECORDS else None
     if isinstance(record, Schema):
         summary.schemas.append(record)

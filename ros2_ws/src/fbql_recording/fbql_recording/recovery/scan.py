@@ -37,7 +37,7 @@ from fbql_recording.mcap.format import (
     MESSAGE_BYTES,
     PROFILES,
     Damaged,
-    Summary,
+    McapSummary,
     data_crc,
     fits,
     is_misnamed,
@@ -192,7 +192,7 @@ class Scan:
 
     # From record to record
 
-    def _sound_summary(self) -> Summary | None:
+    def _sound_summary(self) -> McapSummary | None:
         try:
             summary = read_summary(self._file, self.size)
         except Damaged as damaged:
@@ -512,7 +512,7 @@ class Scan:
                 except UnicodeDecodeError:
                     self.notes.append(f"topic {channel.topic}: the definition of its messages is not a text")
 
-    def _compare_with(self, summary: Summary) -> None:
+    def _compare_with(self, summary: McapSummary) -> None:
         """Says of each gap what was there by the summary: none reaches beyond the next record that it points at."""
         harmless: list[Gap] = []
         has_messages = False
