@@ -32,6 +32,7 @@ from mcap.writer import MCAP0_MAGIC
 from fbql_recording.mcap.format import (
     CODECS,
     FIRST_PRIVATE,
+    FOOTER_BYTES,
     HEAD,
     MAX_RECORD_BYTES,
     MESSAGE_BYTES,
@@ -268,11 +269,14 @@ class Scan:
             if opcode == Opcode.MESSAGE:
                 self._read_message(body, at, end)
         elif opcode == Opcode.DATA_END:
-            if length != 4:
+            if length != 4 or self._search(end) < self._limit:
                 raise Damaged("it is not the end of the data")
             self._data_end = at, int.from_bytes(body, "little")
             self.has_end = True
         elif opcode == Opcode.FOOTER:
+            # A chunk is one flipped bit away from it: what ends the scan must be where a footer is.
+            if at != self.size - FOOTER_BYTES or end != self.size - len(MCAP0_MAGIC):
+                raise Damaged("it is not the end of the file")
             self.has_end = True
         else:
             self._keep(parse(opcode, body), at, end)
