@@ -95,7 +95,7 @@ def test_another_kind_of_file_or_a_missing_package_is_one_line(recorded, tmp_pat
 
 
 def test_the_examples_of_the_documents_run(recorded, tmp_path, monkeypatch, capsys):
-    """docs/recordings.md and the package's README, on a run in the place that they name."""
+    """docs/recordings.md and the package's README: they read, write and recover, on a run in the place that they name."""
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "picture").symlink_to(recorded)
     monkeypatch.chdir(tmp_path)
@@ -103,8 +103,12 @@ def test_the_examples_of_the_documents_run(recorded, tmp_path, monkeypatch, caps
     examples = [
         code for path in documents for code in re.findall(r"^```python\n(.*?)^```", path.read_text(), re.M | re.S)
     ]
-    assert len(examples) == 3
+    assert len(examples) == 5
     for example in examples:
         exec(compile(example, "example", "exec"), {})
-    assert "('ball_seeking', 'wall_avoiding', 'approaching')" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "('ball_seeking', 'wall_avoiding', 'approaching')" in said
+    assert said.endswith(f"{sum(open_run(recorded).counts.values())} 0 {{}} True\n")  # what the recovery tells
     assert (tmp_path / "steps.csv").stat().st_size > 1000
+    assert open_run(tmp_path / "recording").counts == {"/wheel_command": 1}
+    assert open_run(tmp_path / "runs" / "picture_recovered").is_complete

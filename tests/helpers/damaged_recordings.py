@@ -26,6 +26,17 @@ from recorded_match import record_match
 GIB = 2**30
 HEAD_BYTES = 9
 """opcode and length"""
+IN_DATA = (
+    Opcode.HEADER,
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.CHUNK,
+    Opcode.MESSAGE_INDEX,
+    Opcode.ATTACHMENT,
+    Opcode.METADATA,
+    Opcode.DATA_END,
+)
+"""Kinds of record whose first is in the data section, not in the summary."""
 
 
 class Record(NamedTuple):
@@ -145,29 +156,40 @@ def _by_kind(data: bytes) -> dict[int, list[Record]]:
 
 
 def _cut_off(run: Path, data: bytes) -> Iterator[Case]:
-    """Behind and in the middle of every kind of record, and in both magics."""
+    """Behind and in the middle of every kind of record, and in both magics; less often in the summary."""
     for size in (3, len(MCAP0_MAGIC), len(data) - 3):
         yield _case(run, f"cut to {size} bytes", partial(_cut, size))
-    for records in _by_kind(data).values():
-        for record in sorted({records[0], records[-1]}):
-            yield _case(run, f"cut after the {record.name} at {record.begin}", partial(_cut, record.end))
+    for opcode, records in _by_kind(data).items():
         record = records[-1]
-        for size in (record.begin + 4, (record.begin + record.end) // 2):
+        sizes = [(record.begin + record.end) // 2]
+        if opcode in IN_DATA:
+            sizes.append(record.begin + 4)
+            yield _case(run, f"cut after the {record.name} at {records[0].begin}", partial(_cut, records[0].end))
+        if opcode not in IN_DATA or record != records[0]:
+            yield _case(run, f"cut after the {record.name} at {record.begin}", partial(_cut, record.end))
+        for size in sizes:
             yield _case(run, f"cut at {size} in a {record.name}", partial(_cut, size))
 
 
 def _flipped(run: Path, data: bytes) -> Iterator[Case]:
-    """A bit of each part of the first record of every kind and, in a finished file, of the last, and of both magics."""
+    """A bit of each part of the first record of every kind and, in a finished file, of the last, and of both magics.
+
+    Of the first record of each kind in the data section every bit of the opcode: each makes it look like another kind.
+    """
     for at in (0, 5, len(data) - 1):
         yield _case(run, f"bit of byte {at} flipped", partial(_flip, at, 3))
     by_kind = _by_kind(data)
-    for found in by_kind.values():
-        for record in sorted({found[0], found[0 if run.name == "killed" else -1]}):
+    for opcode, found in by_kind.items():
+        for record in sorted({found[0], found[-1]} if run.name == "finished" and opcode in IN_DATA else {found[0]}):
             size = record.end - record.begin - HEAD_BYTES
             # kind; length, a little and much too long; first field, middle, last byte
-            places = [(0, 1), (0, 7), (1, 2), (5, 4)]
+            places = [(0, 1), (1, 2), (5, 4)]
             places += [(at, at % 8) for at in sorted({HEAD_BYTES, HEAD_BYTES + size // 2, HEAD_BYTES + size - 1})]
-            for offset, bit in places[:: 1 if record == found[0] else 2]:
+            if opcode not in IN_DATA or record != found[0]:
+                places = places[::2]
+            else:
+                places += [(0, bit) for bit in range(8) if bit != 1]
+            for offset, bit in places:
                 name = f"bit {bit} of byte {offset} of the {record.name} at {record.begin} flipped"
                 yield _case(run, name, partial(_flip, record.begin + offset, bit))
     chunk = by_kind[Opcode.CHUNK][0]
@@ -221,6 +243,9 @@ def _lying(run: Path, data: bytes) -> Iterator[Case]:
     ):
         yield _case(run, f"a chunk {name}", partial(_replace, middle, chunk))
         yield _case(run, f"the last chunk {name}", partial(_last, chunks[-1], chunk))
+    for opcode, length in ((Opcode.DATA_END, 4), (Opcode.FOOTER, 20)):
+        early = struct.pack("<BQ", opcode, length) + bytes(length)
+        yield _case(run, f"a {opcode.name.lower()} before a chunk", partial(_insert, middle.begin, early))
     yield Case(f"{run.name}: a record of 65 MiB", partial(_large_record, run))
 
 

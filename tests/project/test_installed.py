@@ -102,6 +102,18 @@ def test_a_command_that_needs_no_ros_works_without_it(fbql: Fbql, tmp_path: Path
     assert shown in said.stdout
 
 
+def test_demonstrations_are_recorded_and_learned_from_without_ros(fbql: Fbql, tmp_path: Path) -> None:
+    """What is recorded has the definitions of its messages from the installed package."""
+    demonstrated = fbql(*["demonstrate", "approaching", "--demonstrations", "1", "--out", "DEMOS", "--json"])
+    assert demonstrated.returncode == 0, demonstrated.stderr
+    made = json.loads(demonstrated.stdout)
+    assert (made["demonstrations"], made["path"]) == (1, "DEMOS")
+    induced = fbql(*["induce", "approaching", "--demos", "DEMOS", "--trials", "2", "--out", "tree.json", "--json"])
+    assert induced.returncode == 0, induced.stderr
+    assert json.loads(induced.stdout)["leaves"] >= 2
+    assert (tmp_path / "tree.json").is_file()
+
+
 @pytest.mark.parametrize(
     ("words", "needed"),
     [

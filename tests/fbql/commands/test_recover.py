@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import random
@@ -165,6 +166,29 @@ def test_a_disk_that_is_full_is_one_line_and_leaves_nothing(killed, start, tmp_p
     limit = ["prlimit", "--fsize=10240"]
     command = start(str(killed), "--out", str(tmp_path / "new"), script="recover.py", before=limit, out=False)
     assert command.exit_code() == 1
-    assert command.stderr.endswith("nothing was written\n")
-    assert command.stderr.count("\n") == 1
-    assert not (tmp_path / "new").exists()
+    new = tmp_path / "new"
+    assert command.stderr == f"recover.py: {new}: cannot be written (File too large); nothing was written\n"
+    assert not new.exists()
+
+
+def test_a_directory_that_cannot_be_made_is_one_line(killed, tmp_path, capsys):
+    (tmp_path / "file").write_bytes(b"")
+    assert recover([str(killed), "--out", str(tmp_path / "file" / "new")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"recover.py: {tmp_path / 'file' / 'new'}: ")
+    assert said.count("\n") == 1
+
+
+def test_a_write_error_of_any_kind_names_the_new_directory(killed, tmp_path, capsys, monkeypatch):
+    """Here the file system turns read-only when the recording is finished."""
+
+    def fail(*_: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(os, "fsync", fail)
+    new = tmp_path / "new"
+    assert recover([str(killed), "--out", str(new)]) == 1
+    assert capsys.readouterr().err == (
+        f"recover.py: {new}: cannot be written (Read-only file system); nothing was written\n"
+    )
+    assert not new.exists()

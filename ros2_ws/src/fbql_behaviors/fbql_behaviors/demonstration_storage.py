@@ -64,7 +64,7 @@ def load_recordings(path: Path) -> Iterator[Recording]:
     """
     files = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
     if not files:
-        raise BadInput(f"{path}: no demonstrations there (no .mcap file); record some with demonstrate.py")
+        raise BadInput(f"{path}: no demonstrations there (no .mcap file); record some with `demonstrate`")
     steps = 0
     for file in files:
         recording = _read(file, MAX_STEPS - steps)
@@ -99,7 +99,7 @@ def _read(path: Path, allowed: int) -> Recording:
             )
     if file.damage.any:
         raise BadInput(
-            f"{path}: truncated at byte {file.damage.cut_off_at}; record it again, or recover it with recover.py"
+            f"{path}: truncated at byte {file.damage.cut_off_at}; record it again, or recover it with `recover`"
         )
     episodes: dict[int, list[tuple[World, WheelCommand]]] = {}
     for key in sorted(worlds.keys() & commands.keys()):

@@ -11,9 +11,9 @@ from typing import Any
 
 from fbql_recording import Gap, Recovery, recover
 
-from fbql.cli.exit_codes import DONE, INCOMPLETE
+from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import LiveLine, Unwritable, print_result
+from fbql.cli.output import LiveLine, print_result
 from fbql.cli.parser import Parser
 
 
@@ -39,7 +39,7 @@ def parser(program: str) -> Parser:
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Recovers the recording. Returns 0, or 3 where something is lost."""
+    """Recovers the recording. Returns 0, 1 if it could not be written, or 3 if something is lost."""
     begun_s = monotonic()
     with closing(LiveLine()) as line:
 
@@ -50,7 +50,8 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
         try:
             found = recover(arguments.run, arguments.out, progress)
         except OSError as error:
-            raise Unwritable(error.filename or arguments.run, error) from None
+            line.complain(f"{error.filename}: cannot be written ({error.strerror}); nothing was written")
+            return FAILED
     print_result(json.dumps(_values(found, monotonic() - begun_s)) if arguments.json else _words(found))
     return DONE if found.is_complete or arguments.allow_incomplete else INCOMPLETE
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -16,14 +15,11 @@ from fbql_recording import Channel, Recorder
 from fbql_recording.bag_metadata import Qos
 from fbql_recording.message_definitions import step_messages
 
+from fbql.cli.output import say
+
 PAUSE_NS = 1_000_000_000
 """Time between the demonstrations of `in_sequence` [ns]."""
 _WORLD, _COMMAND = 0, 1
-
-
-def say(text: str) -> None:
-    """Prints a line for people."""
-    print(text, file=sys.stderr)
 
 
 def save_demonstrations(

@@ -16,8 +16,9 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.types import WheelCommand, World
 from fbql_sim.core.parameters import SimulationParameters
 
+from fbql.cli.output import say
 from fbql.demonstrations.origins import Origin, about_origins
-from fbql.demonstrations.recording import in_sequence, make_directory, save_demonstrations, say, write_demonstrations
+from fbql.demonstrations.recording import in_sequence, make_directory, save_demonstrations, write_demonstrations
 
 UNFINISHED = "unfinished"
 """Subdirectory of the copies."""

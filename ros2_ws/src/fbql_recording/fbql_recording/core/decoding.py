@@ -13,7 +13,7 @@ from fbql_common.core.cdr import Codec, Malformed
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import FIELD_FRAME, BehaviorOutput, Decision, WheelCommand, World
 
-from fbql_recording.core.ros2msg import Field, fields_of
+from fbql_recording.core.ros2msg import MessageField, fields_of
 
 NS = 1_000_000_000
 TYPES: dict[str, type[Any]] = {
@@ -88,7 +88,7 @@ class MessageCodec[T]:
         return self._codec.encode((values[0] // NS, values[0] % NS, FIELD_FRAME, *values[1:]))
 
 
-def _places(kind: type[Any], fields: Sequence[Field], type_name: str) -> list[int | None]:
+def _places(kind: type[Any], fields: Sequence[MessageField], type_name: str) -> list[int | None]:
     """The position of each field of a domain type in the recorded message, the header's three first.
 
     Fields with a default, which come last, may be missing: None.

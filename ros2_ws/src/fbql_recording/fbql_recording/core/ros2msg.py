@@ -24,7 +24,7 @@ _MAX_DEPTH = 8
 _MAX_FIELDS = 4096
 
 
-class Field(NamedTuple):
+class MessageField(NamedTuple):
     """One value on the wire."""
 
     name: str
@@ -33,7 +33,7 @@ class Field(NamedTuple):
     """The kind, as `fbql_common.core.cdr.Codec` names it."""
 
 
-def fields_of(type_name: str, schema: str) -> list[Field]:
+def fields_of(type_name: str, schema: str) -> list[MessageField]:
     """The fields of a message, those of contained messages in their place.
 
     Args:
@@ -48,7 +48,7 @@ def fields_of(type_name: str, schema: str) -> list[Field]:
     for part in others:
         head, _, text = part.strip("\n").partition("\n")
         texts[_two_part(head.removeprefix("MSG:").strip())] = text
-    fields: list[Field] = []
+    fields: list[MessageField] = []
     for field in _fields(_two_part(type_name), texts, "", 0):
         fields.append(field)
         if len(fields) > _MAX_FIELDS:
@@ -56,7 +56,7 @@ def fields_of(type_name: str, schema: str) -> list[Field]:
     return fields
 
 
-def _fields(name: str, texts: dict[str, str], prefix: str, depth: int) -> Iterator[Field]:
+def _fields(name: str, texts: dict[str, str], prefix: str, depth: int) -> Iterator[MessageField]:
     if name not in texts:
         raise BadInput(f"the schema has no definition of {name}")
     if depth > _MAX_DEPTH:
@@ -80,7 +80,7 @@ def _fields(name: str, texts: dict[str, str], prefix: str, depth: int) -> Iterat
                 inner = base if "/" in base else f"{name.split('/')[0]}/{base}"
                 yield from _fields(_two_part(inner), texts, f"{place}.", depth + 1)
             else:
-                yield Field(place, f"sequence<{kind}>" if is_sequence else kind)
+                yield MessageField(place, f"sequence<{kind}>" if is_sequence else kind)
 
 
 def _two_part(name: str) -> str:

@@ -101,7 +101,7 @@ class Chunk(NamedTuple):
 
 
 @dataclass
-class Summary:
+class McapSummary:
     """The content of the summary of an MCAP file; records of the data section by the byte where each begins."""
 
     start: int = 0
@@ -116,7 +116,7 @@ class Summary:
     metadata: dict[int, MetadataIndex] = field(default_factory=dict[int, MetadataIndex])
 
 
-def read_summary(file: BinaryIO, size: int) -> Summary | None:
+def read_summary(file: BinaryIO, size: int) -> McapSummary | None:
     """The summary of a file of `size` bytes; None if it has none.
 
     Raises:
@@ -140,13 +140,13 @@ def read_summary(file: BinaryIO, size: int) -> Summary | None:
     data = file.read(footer_at - start)
     if crc and zlib.crc32(data + footer[:-4]) != crc:
         raise Damaged("the CRC of its summary does not match")
-    summary = Summary(start, crc != 0)
+    summary = McapSummary(start, crc != 0)
     for _ in messages_in(data, lambda opcode, body: _add(summary, opcode, body)):
         pass
     return summary
 
 
-def _add(summary: Summary, opcode: int, body: bytes) -> None:
+def _add(summary: McapSummary, opcode: int, body: bytes) -> None:
     record = parse(opcode, body) if opcode in _RECORDS else None
     if isinstance(record, Schema):
         summary.schemas.append(record)

@@ -35,8 +35,6 @@ from mcap.writer import LIBRARY_IDENTIFIER, MCAP0_MAGIC
 
 _MESSAGE = Struct("<BQHIQQ")
 """opcode, length, channel id, sequence, log time, publish time: the fields before a message's data."""
-_RECORD_HEAD = 9
-"""Bytes of a record's opcode and length, which its length does not count."""
 
 
 class WriterChannel(NamedTuple):

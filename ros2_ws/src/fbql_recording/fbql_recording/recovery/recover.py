@@ -84,7 +84,7 @@ def recover(source: Path, target: Path | None, progress: Callable[[str], None] =
 
     Raises:
         BadInput: there is nothing to recover, or the new directory can't be made.
-        OSError: it could not be written; nothing is left behind.
+        OSError: the new directory, which is its `filename`, could not be written; nothing is left behind.
     """
     files = find_damaged_files(source)
     done = Recovery(target or _beside(source), notes=list(files.warnings))
@@ -102,9 +102,11 @@ def recover(source: Path, target: Path | None, progress: Callable[[str], None] =
     create_run_directory(done.path)
     try:
         _Writing(files, scans, done).write(progress)
-    except BaseException:
+    except BaseException as error:
         # It is ours, and new: half a recording must not look like a whole one.
         shutil.rmtree(done.path, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise OSError(error.errno, error.strerror, str(done.path)) from error
         raise
     return done
 

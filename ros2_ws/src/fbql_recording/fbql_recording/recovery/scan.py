@@ -33,12 +33,13 @@ from mcap.writer import MCAP0_MAGIC
 from fbql_recording.mcap.format import (
     CODECS,
     FIRST_PRIVATE,
+    FOOTER_BYTES,
     HEAD,
     MAX_RECORD_BYTES,
     MESSAGE_BYTES,
     PROFILES,
     Damaged,
-    Summary,
+    McapSummary,
     data_crc,
     fits,
     is_misnamed,
@@ -194,7 +195,7 @@ class Scan:
 
     # From record to record
 
-    def _sound_summary(self) -> Summary | None:
+    def _sound_summary(self) -> McapSummary | None:
         try:
             summary = read_summary(self._file, self.size)
         except Damaged as damaged:
@@ -270,11 +271,14 @@ class Scan:
             if opcode == Opcode.MESSAGE:
                 self._read_message(body, at, end)
         elif opcode == Opcode.DATA_END:
-            if length != 4:
+            if length != 4 or self._search(end) < self._limit:
                 raise Damaged("it is not the end of the data")
             self._data_end = at, int.from_bytes(body, "little")
             self.has_end = True
         elif opcode == Opcode.FOOTER:
+            # A chunk is one flipped bit away from it: what ends the scan must be where a footer is.
+            if at != self.size - FOOTER_BYTES or end != self.size - len(MCAP0_MAGIC):
+                raise Damaged("it is not the end of the file")
             self.has_end = True
         else:
             self._keep(parse(opcode, body), at, end)
@@ -515,7 +519,7 @@ class Scan:
                 except UnicodeDecodeError:
                     self.notes.append(f"topic {channel.topic}: the definition of its messages is not a text")
 
-    def _compare_with(self, summary: Summary) -> None:
+    def _compare_with(self, summary: McapSummary) -> None:
         """Describes each gap by the summary: no gap extends beyond the next record that the summary points to."""
         harmless: list[Gap] = []
         has_messages = False
