@@ -67,6 +67,17 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         remove_leftovers()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _own_observations_end_with_their_module() -> Iterator[None]:
+    """A module may register observations of its own; the next one in this worker must not see them."""
+    from fbql_behaviors.core.observation import OBSERVATIONS
+
+    before = dict(OBSERVATIONS)
+    yield
+    for name in OBSERVATIONS.keys() - before.keys():
+        del OBSERVATIONS[name]
+
+
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[..., Run]]:
     """start(*arguments, ...) starts a command of ours, with its run in a directory of the test. See `Run`."""

@@ -158,7 +158,7 @@ def test_an_array_that_promises_more_than_is_there_is_refused(tmp_path):
     np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**12, 8)})
     with zipfile.ZipFile(tmp_path / "p", "w") as archive:
         archive.writestr("q.npy", header.getvalue() + bytes(64))
-    assert "promises 64000000000000 bytes and has 64" in refusal(tmp_path / "p")
+    assert "declares 64000000000000 bytes and has 64" in refusal(tmp_path / "p")
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,7 @@ def test_a_result_is_told_in_lines_that_fit_a_terminal(tmp_path: Path) -> None:
 def test_guided_episodes_are_told_apart_from_what_they_count_in(tmp_path: Path) -> None:
     (tmp_path / "episodes.csv").write_text("index,phase\n0,guided\n1,guided\n2,learning\n")
     text = summary_text(SUMMARY, tmp_path, 1 / 60).splitlines()
-    (at,) = [i for i, line in enumerate(text) if line.startswith("  guided              2  episodes came first")]
+    (at,) = [i for i, line in enumerate(text) if line.startswith("  guided              2  episodes first")]
     assert text[at + 1].startswith("  played") and text[at + 2].startswith("  digest")
     assert max(map(len, text[at : at + 2])) < 80
 

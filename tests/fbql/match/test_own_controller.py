@@ -54,7 +54,7 @@ def test_a_controller_in_one_file_takes_part_everywhere(tmp_path: Path, capsys: 
     policy = str(tmp_path / "trained" / "policy.npz")
     assert train([*words, "--policy", policy, "--out", str(tmp_path / "on")]) == 0
     assert train(["--controller", "fbql_literal", "--policy", policy, "--out", str(tmp_path / "no")]) == 2
-    assert "the policy belongs to controller 'Bandit', not of 'fbql_literal'" in capsys.readouterr().err
+    assert "the policy belongs to controller 'Bandit', not to 'fbql_literal'" in capsys.readouterr().err
 
 
 def test_a_run_whose_learned_values_cannot_be_kept_is_finished_as_incomplete(
@@ -74,7 +74,9 @@ def test_a_run_whose_learned_values_cannot_be_kept_is_finished_as_incomplete(
     ]
     assert train([*words, "--out", str(tmp_path / "trained")]) == 3
     told = capsys.readouterr()
-    line = "policy.npz could not be written, the run goes on incomplete: controller 'A': ZeroDivisionError in line 14"
+    line = (
+        "policy.npz could not be written, the run continues, incomplete: controller 'A': ZeroDivisionError in line 14"
+    )
     assert line in told.err
     run = Run(tmp_path, [*words, "--out", str(tmp_path / "run"), "--processes", "one"])
     try:

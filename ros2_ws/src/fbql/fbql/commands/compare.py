@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Compares the runs. Returns 0, or 3 if a recording is incomplete."""
     paths = list(dict.fromkeys(path.absolute() for path in arguments.runs))
     if len(paths) < 2:
-        raise BadInput("name two or more runs")
+        raise BadInput("name at least two runs, each once")
     if arguments.figure is not None:
         from fbql.report.comparison_figure import comparison_svg  # matplotlib takes a second, and is an extra
 

@@ -83,7 +83,7 @@ def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
             count = sum(row["phase"] == "guided" for row in csv.DictReader(file))
     except (OSError, KeyError):
         return []
-    return [("guided", count, "episodes came first; they count only in the lines below")] if count else []
+    return [("guided", count, "episodes first; they count only in the lines below")] if count else []
 
 
 def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: bool = True, controller: str = "") -> str:

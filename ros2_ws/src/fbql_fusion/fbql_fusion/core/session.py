@@ -349,7 +349,7 @@ class Session:
             raise BadInput(f"controller '{self.parameters.controller}' takes no policy; leave the policy out")
         if policy.kind != self._learner.kind:
             raise BadInput(
-                f"the policy belongs to controller '{policy.kind}', not of '{self._learner.kind}'; choose that controller"
+                f"the policy belongs to controller '{policy.kind}', not to '{self._learner.kind}'; choose that controller"
             )
         if policy.behaviors != self.behaviors:
             raise BadInput(
