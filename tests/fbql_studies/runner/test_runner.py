@@ -354,6 +354,19 @@ def test_the_revisions_that_did_the_tasks_are_told_and_not_the_one_that_tells(
     assert told("five", "--others", "raise")[0] == "unknown, five"
 
 
+def test_without_matplotlib_the_tables_are_printed_and_one_line_tells_of_the_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def draw(*_: object) -> list[Path]:
+        raise ModuleNotFoundError("No module named 'matplotlib'", name="matplotlib")
+
+    monkeypatch.setattr(probe_study, "figures", draw)
+    assert main(arguments(tmp_path)) == 0
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["table"]
+    assert "warning: no figures: this needs matplotlib, which is not installed: " in captured.err
+
+
 def test_a_torn_result_counts_as_not_done(tmp_path: Path) -> None:
     with Store(tmp_path, {}) as store:
         write_result(tmp_path, "a", {"value": 1})

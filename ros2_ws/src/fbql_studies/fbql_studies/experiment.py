@@ -12,6 +12,8 @@ from typing import Any
 
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupted, Interrupts
+from fbql.cli.missing import what_is_missing
+from fbql.cli.output import warn
 from fbql.cli.parser import Parser
 from fbql.cli.places import RUNS
 from fbql.statistics.tables import Table, as_markdown, as_text
@@ -20,7 +22,7 @@ from fbql_common.core.errors import BadInput
 from fbql_recording.run_directory import own_revision
 
 from fbql_studies.runner.store import Store
-from fbql_studies.runner.study import STUDIES, StudyTask, study_of
+from fbql_studies.runner.study import STUDIES, Result, Study, StudyTask, study_of
 from fbql_studies.runner.workers import TaskEnd, run_locally, run_on_cluster
 
 _RUNNER_OPTIONS = ("study", "jobs", "out", "scheduler", "json")
@@ -57,9 +59,21 @@ def run(options: Any, interrupts: Interrupts) -> int:
         write_atomically(out / "table.json", f"{text}\n".encode())
         page = "\n\n".join(f"{title}\n\n{as_markdown(each)}" for title, each in shown.items())
         write_atomically(out / "tables.md", f"{page}\n".encode())
-        files = study.figures(results, out)
+        files = _figures(study, results, out)
     print(text if options.json else _as_text(summary, shown, files))
     return FAILED if failed else DONE
+
+
+def _figures(study: Study, results: Mapping[str, Result], out: Path) -> list[Path]:
+    """Draws the figures; without Matplotlib one line says so, and the tables, which took long, are kept and printed."""
+    try:
+        return study.figures(results, out)
+    except ModuleNotFoundError as error:
+        missing = what_is_missing(error.name or "")
+        if missing is None:
+            raise
+        warn([f"no figures: {missing}"])
+        return []
 
 
 def parser(program: str) -> Parser:
