@@ -238,7 +238,7 @@ def test_a_policy_that_does_not_fit_is_refused(start: Start, tmp_path: Path) -> 
     learned = start(*LITERAL, "--guided", "1", "--episodes", "1", "--max-steps", "30", script="train.py")
     policy = ("--policy", str(well_ended(learned).out / "policy.npz"))
     refused(start(*policy, "--controller", "subsumption"), "controller 'subsumption' takes no policy")
-    refused(start(*policy), "controller 'fbql_literal', not of 'fbql'")
+    refused(start(*policy), "controller 'fbql_literal', not to 'fbql'")
     trees = tmp_path / "trees"
     shutil.copytree(TREES, trees)
     tree = load_tree(trees / "wall_avoiding.json")

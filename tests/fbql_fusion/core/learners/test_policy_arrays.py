@@ -281,7 +281,7 @@ def test_a_policy_of_another_controller_or_other_behaviors_is_refused(
 def test_neither_learner_takes_a_policy_of_the_other() -> None:
     """Not even where its features fit."""
     for own, other in (LEARNERS, LEARNERS[::-1]):
-        with pytest.raises(BadInput, match=f"to controller '{other}', not of '{own}'"):
+        with pytest.raises(BadInput, match=f"to controller '{other}', not to '{own}'"):
             Session(parameters(own), good(other))
         session = Session(parameters(other, seed=1, fbql_world_tilings=0))
         play(session, 39)
