@@ -220,7 +220,7 @@ def test_a_behavior_of_ones_own_answers_by_its_tree_and_marks_what_lies_outside_
     ("parameters", "reason"),
     [
         ({"tree_file": str(TREE)}, "unknown behavior 'shooting'.*FILE.py:shooting"),
-        ({"tree_file": str(TREE), "observation": "missing.py:shooting"}, "missing.py: cannot be read"),
+        ({"tree_file": str(TREE), "observation": "missing.py:shooting"}, "missing.py: no such file"),
         (
             {"tree_file": str(shipped_tree("ball_seeking")), "observation": SOURCE},
             "is the observation of behavior 'shooting', not of 'ball_seeking'",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import pickle
 import zipfile
 from collections.abc import Callable
@@ -14,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fbql_behaviors import storage
 from fbql_behaviors.core.observation import OBSERVATIONS, Feature
 from fbql_behaviors.core.tree import Leaf, Split, Tree, canonical
 from fbql_behaviors.storage import load_tree, save_tree, tree_from_bytes, tree_to_bytes
@@ -78,7 +78,7 @@ def test_a_write_that_fails_leaves_the_older_file(tmp_path: Path, monkeypatch: p
     def fail(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(storage.os, "fsync", fail)
+    monkeypatch.setattr(os, "fsync", fail)
     with pytest.raises(OSError, match="No space left"):
         save_tree(path, TREE)
     assert path.read_text() == "older"
@@ -212,7 +212,7 @@ def test_nothing_is_ever_unpickled(protocol: int, tmp_path: Path) -> None:
 
 
 def test_a_missing_file_and_a_directory_are_refused_with_the_reason(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"none\.json: cannot be read \(No such file or directory\)"):
+    with pytest.raises(BadInput, match=r"none\.json: no such file"):
         load_tree(tmp_path / "none.json")
     with pytest.raises(BadInput, match="cannot be read"):
         load_tree(tmp_path)
@@ -223,7 +223,7 @@ def test_a_huge_file_is_refused_by_its_size_before_it_is_read(tmp_path: Path) ->
     path = tmp_path / "huge.json"
     with path.open("wb") as file:
         file.truncate(2**30)
-    with pytest.raises(BadInput, match="1073741824 bytes; a tree file has at most 8388608"):
+    with pytest.raises(BadInput, match="more than 8388608 bytes, the limit for such a file"):
         load_tree(path)
 
 

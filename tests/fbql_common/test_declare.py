@@ -104,7 +104,7 @@ def test_parameter_that_is_no_choice_is_refused_naming_the_choices(refused, para
         (["layers:=[wall_avoiding, wall_avoiding]"], "names 'wall_avoiding' twice"),
         (["behaviors:=[a, b]"], "names none of the behaviors"),
         (["weight_floor:=0.5"], "3 behaviors leave at most 0.333333"),
-        (["policy:=/nowhere/policy.npz"], "/nowhere/policy.npz: the policy can't be read"),
+        (["policy:=/nowhere/policy.npz"], "/nowhere/policy.npz: no such file"),
         (["run_directory:=/proc/run"], "/proc/run: can't create the run directory"),
     ],
 )

@@ -91,8 +91,8 @@ def test_a_value_that_is_not_finite_is_not_saved(value):
 
 
 def test_a_missing_file_and_a_directory_are_refused(tmp_path):
-    assert "No such file" in refusal(tmp_path / "policy.npz")
-    assert "can't be read" in refusal(tmp_path)
+    assert "no such file" in refusal(tmp_path / "policy.npz")
+    assert "cannot be read" in refusal(tmp_path)
 
 
 @pytest.mark.parametrize("data", [b"", b"{}", b"PK\x03\x04", b"\x93NUMPY", pickle.dumps([1, 2])])

@@ -112,7 +112,7 @@ def test_without_scikit_learn_cart_is_refused_before_anything_is_done(
         (("ball_seeking", "--method", "dp", "--curve", "x"), "--curve needs --method rl"),
         (("ball_seeking", "--method", "magic"), "invalid choice: 'magic'"),
         (("ball_seeking", "--demos", "missing"), "missing: "),
-        (("ball_seeking", "--observation", "missing.py"), "missing.py: cannot be read (No such file or directory)"),
+        (("ball_seeking", "--observation", "missing.py"), "missing.py: no such file"),
     ],
 )
 def test_bad_input_is_one_line(capsys: pytest.CaptureFixture[str], words: tuple[str, ...], reason: str) -> None:

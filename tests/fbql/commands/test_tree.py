@@ -125,7 +125,7 @@ def arrays(tmp_path: Path, **changes: Any) -> Path:
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (("check", "missing.json"), "missing.json: cannot be read (No such file or directory)"),
+        (("check", "missing.json"), "missing.json: no such file"),
         (("check", "."), ".: cannot be read (Is a directory)"),
         (("check", damaged), "damaged.json: not JSON, or truncated"),
         (("explain", damaged), "damaged.json: not JSON, or truncated"),
@@ -134,7 +134,7 @@ def arrays(tmp_path: Path, **changes: Any) -> Path:
         (("explain", BALL, "--at", "0.5"), "--at 0.5: 1 values; this tree senses ball_distance,ball_bearing"),
         (("explain", BALL, "--at", "0.5,x"), "--at 0.5,x: 'x' is not a number"),
         (("explain", BALL, "--at", "0.5,nan"), "ball_bearing is nan; it must be finite"),
-        (("import", "missing", "--behavior", "ball_seeking", "--out", "x"), "missing: cannot be read"),
+        (("import", "missing", "--behavior", "ball_seeking", "--out", "x"), "missing: no such file"),
         (("import", damaged, "--behavior", "ball_seeking", "--out", "x"), "damaged.json: not JSON, or truncated"),
         (
             ("import", with_a_long_number, "--behavior", "ball_seeking", "--out", "x"),

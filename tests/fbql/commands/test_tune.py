@@ -56,7 +56,7 @@ def test_the_same_seed_makes_the_same_tree(capsys: pytest.CaptureFixture[str], t
     ("options", "what"),
     [
         (["juggling"], "'juggling' has no exercise"),
-        (["ball_seeking", "--trees", "nowhere"], "nowhere/ball_seeking.json: cannot be read"),
+        (["ball_seeking", "--trees", "nowhere"], "nowhere/ball_seeking.json: no such file"),
         (["ball_seeking", "--trees", str(TREES), "--episodes", "0"], "'episodes' is 0"),
         (["ball_seeking", "--trees", str(TREES), "--discount", "2"], "'discount' is 2.0"),
         (["ball_seeking", "--trees", str(TREES), "--seed", "-1"], "--seed is -1"),

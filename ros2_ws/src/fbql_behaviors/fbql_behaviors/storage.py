@@ -13,14 +13,13 @@ Node 0 is the root. `sha256` covers everything but format, version and itself, i
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from math import isfinite
 from pathlib import Path
 from typing import Any, NoReturn
 
-from fbql_common.atomic_file import write_atomically
 from fbql_common.core.errors import BadInput
+from fbql_common.files import read_file, write_atomically
 
 from fbql_behaviors.core.behavior import check_features
 from fbql_behaviors.core.observation import OBSERVATIONS, Feature
@@ -34,15 +33,9 @@ MAX_BYTES = 8 * 2**20
 
 def load_tree(path: Path) -> Tree:
     """The tree in a file. Raises BadInput, with file and reason in one line, for anything but a valid tree."""
+    data = read_file(path, MAX_BYTES)
     try:
-        with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            if size > MAX_BYTES:
-                raise BadInput(f"{size} bytes; a tree file has at most {MAX_BYTES}")
-            data = file.read(MAX_BYTES + 1)  # a pipe has no size
         return tree_from_bytes(data)
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror})") from None
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
 
@@ -66,22 +59,7 @@ def tree_to_bytes(tree: Tree) -> bytes:
 
 def tree_from_bytes(data: bytes) -> Tree:
     """The tree in a file's bytes. Raises BadInput with the reason."""
-    if not data:
-        raise BadInput("the file is empty")
-    if len(data) > MAX_BYTES:
-        raise BadInput(f"more than {MAX_BYTES} bytes; a tree file is smaller")
-    try:
-        content = json.loads(data, parse_constant=_not_a_number, parse_float=_finite)
-    except BadInput:
-        raise
-    except UnicodeDecodeError:
-        raise BadInput("not a tree file: it is not text") from None
-    except json.JSONDecodeError as error:
-        raise BadInput(f"not JSON, or truncated: {error.msg} in line {error.lineno}") from None
-    except ValueError:  # Python reads no whole number of more than 4300 digits
-        raise BadInput("not a tree file: a number has too many digits") from None
-    except RecursionError:
-        raise BadInput("not a tree file: it is nested too deeply") from None
+    content = json_from_bytes(data)
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise BadInput(f'not a tree file: it lacks "format": "{FORMAT}"')
     version = content.get("version")
@@ -100,6 +78,26 @@ def tree_from_bytes(data: bytes) -> Tree:
     if content.get("sha256") != tree.hash:
         raise BadInput(f"sha256 does not match the content, which has {tree.hash}; the file was changed or damaged")
     return tree
+
+
+def json_from_bytes(data: bytes) -> Any:
+    """The value in a JSON text. Raises BadInput with the reason, for numbers that are not finite too."""
+    if not data:
+        raise BadInput("the file is empty")
+    if len(data) > MAX_BYTES:
+        raise BadInput(f"more than {MAX_BYTES} bytes, the limit for a tree")
+    try:
+        return json.loads(data, parse_constant=_not_a_number, parse_float=_finite)
+    except BadInput:
+        raise
+    except UnicodeDecodeError:
+        raise BadInput("not JSON: it is not text") from None
+    except json.JSONDecodeError as error:
+        raise BadInput(f"not JSON, or truncated: {error.msg} in line {error.lineno}") from None
+    except ValueError:  # Python reads no integer of more than 4300 digits
+        raise BadInput("a number has too many digits") from None
+    except RecursionError:
+        raise BadInput("nested too deeply") from None
 
 
 def _feature(item: Any) -> Feature:

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 from fbql_common.core.errors import BadInput, in_one_line
+from fbql_common.files import unreadable
 
 
 def split_source(source: str) -> tuple[Path, str]:
@@ -55,7 +56,7 @@ def _content(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({error.strerror})") from None
+        raise unreadable(path, error) from None
 
 
 def load_installed(group: str, name: str, what: str) -> tuple[object, str] | None:

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from fbql_common.atomic_file import write_atomically
 from fbql_common.core.errors import BadInput
+from fbql_common.files import unreadable, write_atomically
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
@@ -93,7 +93,7 @@ def load_policy(path: Path) -> Policy:
         with path.open("rb") as file:
             return _policy_in(file, str(path))
     except OSError as error:
-        raise BadInput(f"{path}: the policy can't be read ({error.strerror or error})") from None
+        raise unreadable(path, error) from None
 
 
 def policy_from_bytes(data: bytes, where: str) -> Policy:

@@ -11,9 +11,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from fbql_common.atomic_file import write_atomically
 from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import BAG_RECORD, RUN_RECORD
+from fbql_common.files import write_atomically
 
 from fbql_recording.bag_metadata import BagTopic, Qos, bag_information, qos_profiles, to_yaml
 from fbql_recording.mcap.writer import McapWriter, WriterChannel

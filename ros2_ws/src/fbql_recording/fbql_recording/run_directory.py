@@ -23,9 +23,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from fbql_common.atomic_file import write_atomically
 from fbql_common.checkout import source_tree
 from fbql_common.core.errors import BadInput
+from fbql_common.files import write_atomically
 
 from fbql_recording.bag_metadata import to_yaml
 from fbql_recording.core.metrics import EpisodeRecord, Summary

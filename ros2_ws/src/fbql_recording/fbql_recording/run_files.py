@@ -12,6 +12,7 @@ from typing import Any
 
 import yaml
 from fbql_common.core.errors import BadInput
+from fbql_common.files import read_file
 
 MAX_TEXT_BYTES = 16 * 2**20
 """Largest metadata.yaml, config.yaml or similar file that is read."""
@@ -69,14 +70,7 @@ def read_inside(directory: Path, name: str) -> bytes | None:
     path = _inside(directory, name)
     if not path.is_file():
         return None
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_TEXT_BYTES + 1)
-    except OSError as error:
-        raise BadInput(f"{path}: can't be read ({error.strerror})") from None
-    if len(data) > MAX_TEXT_BYTES:
-        raise BadInput(f"{path}: more than {MAX_TEXT_BYTES >> 20} MiB")
-    return data
+    return read_file(path, MAX_TEXT_BYTES)
 
 
 def mapping_from_yaml(data: bytes, where: str) -> dict[str, Any]:

@@ -17,8 +17,8 @@ from fbql.cli.output import warn
 from fbql.cli.parser import Parser
 from fbql.cli.places import RUNS
 from fbql.statistics.tables import Table, as_markdown, as_text
-from fbql_common.atomic_file import write_atomically
 from fbql_common.core.errors import BadInput
+from fbql_common.files import write_atomically
 from fbql_recording.run_directory import own_revision
 
 from fbql_studies.runner.store import Store

@@ -13,7 +13,7 @@ It raises `BadInput` for input that it refuses, `Interrupted` where a signal end
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.metadata import entry_points, version
 from pathlib import Path
@@ -88,9 +88,18 @@ def run(name: str, argv: Sequence[str], program: str = "") -> int:
     interrupts = Interrupts()
     if name not in COMMANDS or COMMANDS[name].handles_signals:
         interrupts.install()  # before all else: importing takes a second, in which a signal would end in a traceback
-    try:
+
+    def work() -> int:
         command = _find(name)
         return command.run(command.parser(program).parse_args(list(argv)), interrupts)
+
+    return reporting(work)
+
+
+def reporting(work: Callable[[], int]) -> int:
+    """The exit code of `work`; whatever ends it early is reported in one line."""
+    try:
+        return work()
     except BadInput as error:
         complain(error)
         return BAD_INPUT

@@ -10,8 +10,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from fbql_common.atomic_file import write_atomically
 from fbql_common.core.errors import BadInput
+from fbql_common.files import write_atomically
 from fbql_recording import open_run
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE

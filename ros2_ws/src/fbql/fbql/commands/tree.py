@@ -8,7 +8,6 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from math import degrees, isfinite, radians
 from pathlib import Path
-from typing import Any
 
 from fbql_behaviors.core.c_source import to_c
 from fbql_behaviors.core.explanation import describe_tree, rules
@@ -17,8 +16,9 @@ from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.drawing.dot import to_dot
 from fbql_behaviors.drawing.partition import partition_svg
 from fbql_behaviors.sklearn_trees import from_arrays
-from fbql_behaviors.storage import MAX_BYTES, load_tree, save_tree, tree_to_bytes
+from fbql_behaviors.storage import MAX_BYTES, json_from_bytes, load_tree, save_tree, tree_to_bytes
 from fbql_common.core.errors import BadInput
+from fbql_common.files import read_file
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
@@ -120,37 +120,18 @@ def _export(arguments: argparse.Namespace) -> int:
 def _import(arguments: argparse.Namespace) -> int:
     register_observations([], [arguments.behavior])
     features = observation_of(arguments.behavior).features
+    data = read_file(arguments.file, MAX_BYTES)
     try:
-        tree = from_arrays(_read_json(arguments.file), arguments.behavior, features, {"method": "imported"})
+        arrays = json_from_bytes(data)
+        if not isinstance(arrays, dict):
+            raise BadInput("expected an object with the arrays of a scikit-learn tree")
+        tree = from_arrays(arrays, arguments.behavior, features, {"method": "imported"})
     except BadInput as error:
         raise BadInput(f"{arguments.file}: {error}") from None
     with writing(arguments.out):
         save_tree(arguments.out, tree)
     print_result(f"{arguments.out}: {_summary(tree)}")
     return DONE
-
-
-def _read_json(path: Path) -> Mapping[str, Any]:
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise BadInput(f"cannot be read ({error.strerror})") from None
-    if len(data) > MAX_BYTES:
-        raise BadInput(f"more than {MAX_BYTES} bytes, which is the limit for a tree")
-    try:
-        found: Any = json.loads(data)
-    except UnicodeDecodeError:
-        raise BadInput("not JSON: it is not text") from None
-    except json.JSONDecodeError as error:
-        raise BadInput(f"not JSON, or truncated: {error.msg} in line {error.lineno}") from None
-    except ValueError:  # Python reads no integer of more than 4300 digits
-        raise BadInput("a number has too many digits") from None
-    except RecursionError:
-        raise BadInput("nested too deeply") from None
-    if not isinstance(found, dict):
-        raise BadInput("expected an object with the arrays of a scikit-learn tree")
-    return found
 
 
 def _summary(tree: Tree) -> str:

@@ -252,7 +252,7 @@ def parse_value(text: str, kind: Any, name: str) -> Any:
 def _tree_file(name: str, directory: Path | None) -> Path:
     path = (directory or shipped_trees()) / f"{name}.json"
     if not path.is_file():
-        raise BadInput(f"no tree for behavior '{name}': {path} is not there")
+        raise BadInput(f"no tree for behavior '{name}': {path}: no such file")
     return path.resolve()
 
 

@@ -16,8 +16,9 @@ from fbql_common.core.types import Decision, World
 from fbql_recording import open_run
 from fbql_sim.core.arena import SEGMENTS
 
-from fbql.cli.exit_codes import BAD_INPUT, DONE
-from fbql.cli.output import Unwritable, complain, set_program, writing
+from fbql.cli.app import reporting
+from fbql.cli.exit_codes import DONE
+from fbql.cli.output import set_program, writing
 from fbql.cli.parser import Parser
 
 SCALE = 360.0
@@ -38,18 +39,15 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--episode", type=int, default=0, metavar="N", help="episode to draw (0)")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="SVG file to write")
     arguments = parser.parse_args(list(argv))
-    try:
-        worlds, decisions = read_episode(arguments.run, arguments.episode)
-        if not worlds:
-            raise BadInput(f"{arguments.run}: no episode {arguments.episode} in the recording")
-        with writing(arguments.out):
-            arguments.out.write_text(picture(worlds, decisions))
-    except BadInput as error:
-        complain(error)
-        return BAD_INPUT
-    except Unwritable as error:
-        complain(error)
-        return error.exit_code
+    return reporting(lambda: _draw(arguments.run, arguments.episode, arguments.out))
+
+
+def _draw(run: Path, episode: int, out: Path) -> int:
+    worlds, decisions = read_episode(run, episode)
+    if not worlds:
+        raise BadInput(f"{run}: no episode {episode} in the recording")
+    with writing(out):
+        out.write_text(picture(worlds, decisions))
     return DONE
 
 

@@ -6,6 +6,7 @@ error that names the place, or is skipped and counted if the caller asks for tha
 
 from __future__ import annotations
 
+import os
 import zlib
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from fbql_common.core.errors import BadInput
+from fbql_common.files import unreadable
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
@@ -142,12 +144,10 @@ class McapFile:
         """Whether the file is complete."""
         self._skip_corrupt = skip_corrupt
         self._schemas: dict[int, Schema] = {}
-        if not path.exists():
-            raise BadInput(f"{path}: no such file")
-        if not path.is_file():
+        if path.exists() and not path.is_file():
             raise BadInput(f"{path}: not a file")
-        self.size = path.stat().st_size
         with self._open() as file:
+            self.size = os.fstat(file.fileno()).st_size
             self._check_ends(file)
             if not (self.is_whole and self._read_summary(file)):
                 self._read_all(file)
@@ -174,7 +174,7 @@ class McapFile:
             with self.path.open("rb") as file:
                 yield file
         except OSError as error:
-            raise BadInput(f"{self.path}: can't be read ({error.strerror})") from None
+            raise unreadable(self.path, error) from None
 
     def _check_ends(self, file: BinaryIO) -> None:
         if self.size == 0:

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from fbql_common.atomic_file import write_atomically
 from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import CONFIG, EPISODES, POLICY, TREES
 from fbql_common.core.types import Phase
+from fbql_common.files import write_atomically
 from mcap.records import Attachment
 
 from fbql_recording.core.metrics import Digest, EpisodeRecord, summarise

@@ -26,6 +26,7 @@ from typing import BinaryIO, NamedTuple
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import BAG_RECORD, GAP_RECORD, RUN_RECORD
+from fbql_common.files import unreadable
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, ChunkIndex, Header, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
@@ -156,7 +157,7 @@ class Scan:
                 self._scan()
                 self._conclude()
         except OSError as error:
-            raise BadInput(f"{path}: can't be read ({error.strerror})") from None
+            raise unreadable(path, error) from None
 
     @property
     def gaps(self) -> list[Gap]:
@@ -582,7 +583,7 @@ class Scan:
                     elif is_wanted(found):
                         yield from self._read_span(file, found)
         except OSError as error:
-            raise BadInput(f"{self.path}: can't be read ({error.strerror})") from None
+            raise unreadable(self.path, error) from None
 
     def _read_span(self, file: BinaryIO, span: _Span) -> Iterator[SoundMessage | Attachment | Metadata]:
         at = span.begin

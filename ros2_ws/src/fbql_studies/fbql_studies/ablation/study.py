@@ -55,7 +55,5 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
     """The cost of each variant, and the numbers it is drawn from (curves.json)."""
     from fbql_studies.ablation.figures import FIGURES
-    from fbql_studies.common.drawing import keep_and_draw
 
-    costs = VARIANTS.costs(results)
-    return keep_and_draw(FIGURES, {"ablation": costs} if costs else {}, directory)
+    return VARIANTS.figures(FIGURES, results, directory)

@@ -8,15 +8,14 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from io import StringIO
 from math import nan
 from pathlib import Path
 from typing import Any
 
-from fbql_common.atomic_file import write_atomically
+from fbql.pictures.style import STYLE, svg_bytes
+from fbql_common.files import write_atomically
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
@@ -50,13 +49,6 @@ COLOURS = {
     LAW: GREY,
 }
 """The colour of a method."""
-STYLE = {
-    "font.size": 9,
-    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial"],
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "svg.fonttype": "none",
-}
 
 
 def keep_and_draw(figures: Mapping[str, Callable[[Any], Figure]], curves: Curves, directory: Path) -> list[Path]:
@@ -79,10 +71,8 @@ def draw(
     files: list[Path] = []
     with rc_context({**STYLE, "svg.hashsalt": prefix}):
         for name, each in numbers.items():
-            text = StringIO()
-            FigureCanvasSVG(figures[name](each)).print_svg(text, metadata={"Date": None, "Creator": None})
             files.append(directory / f"{prefix}_{name}.svg")
-            files[-1].write_text(_shorten(text.getvalue()))
+            files[-1].write_text(_shorten(svg_bytes(figures[name](each)).decode()))
     return files
 
 
@@ -129,6 +119,11 @@ def intervals_figure(rows: Sequence[Mapping[str, Any]], name: str, label: str) -
     axis.set_ylim(len(rows) - 0.4, -0.6)
     axis.set_xlabel(label)
     return figure
+
+
+def costs_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """The cost of every variant relative to the default's."""
+    return intervals_figure(rows, name="ratio_default", label="cost/goal to the default's")
 
 
 def draw_intervals(axis: Axes, found: Sequence[Sequence[float | None]]) -> None:

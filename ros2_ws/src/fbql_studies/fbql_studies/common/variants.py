@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fbql.match.options import set_text
 from fbql.statistics.runs import method_row, runs_by_method
@@ -29,6 +30,9 @@ from fbql_studies.common.training import (
     training_of,
 )
 from fbql_studies.runner.study import Parameters, Result, StudyTask
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COLUMNS = {
     **METHOD_COLUMNS,
@@ -118,6 +122,15 @@ class Variants(NamedTuple):
             for row in self.table(results)
             if row["ratio_default"] is not None and row["method"] != DEFAULT
         ]
+
+    def figures(
+        self, drawings: Mapping[str, Callable[[Any], Figure]], results: Mapping[str, Result], directory: Path
+    ) -> list[Path]:
+        """The cost of each variant, and the numbers it is drawn from (curves.json)."""
+        from fbql_studies.common.drawing import keep_and_draw
+
+        costs = self.costs(results)
+        return keep_and_draw(drawings, dict.fromkeys(drawings, costs) if costs else {}, directory)
 
 
 def words(rows: Sequence[Row]) -> dict[str, Table]:

@@ -16,8 +16,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from fbql_common.atomic_file import write_atomically
 from fbql_common.core.errors import BadInput
+from fbql_common.files import write_atomically
 
 from fbql_studies.runner.study import Result
 

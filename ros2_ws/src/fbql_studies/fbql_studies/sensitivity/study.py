@@ -63,8 +63,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
     """The cost of each variant, and the numbers it is drawn from (curves.json)."""
-    from fbql_studies.common.drawing import keep_and_draw
     from fbql_studies.sensitivity.figures import FIGURES
 
-    costs = VARIANTS.costs(results)
-    return keep_and_draw(FIGURES, {"sensitivity": costs} if costs else {}, directory)
+    return VARIANTS.figures(FIGURES, results, directory)
