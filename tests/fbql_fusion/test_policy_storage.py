@@ -2,7 +2,6 @@
 
 import io
 import pickle
-import resource
 import zipfile
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 from fbql_common.core.errors import BadInput
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.policy_storage import MAX_ARRAYS, MAX_BYTES, load_policy, policy_bytes, save_policy
+from file_limit import largest_file
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -68,13 +68,8 @@ def test_saving_replaces_a_policy_whole_or_not_at_all(tmp_path):
     save_policy(path, POLICY)
     before = path.read_bytes()
     big = POLICY._replace(arrays={"q": np.zeros((10_000, 2))})
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
-    try:
-        with pytest.raises(OSError, match="File too large"):
-            save_policy(path, big)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    with largest_file(10_000), pytest.raises(OSError, match="File too large"):
+        save_policy(path, big)
     assert path.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["policy.npz"]
     save_policy(path, big)

@@ -2,14 +2,12 @@
 
 import io
 import json
-import resource
 import shutil
 import struct
 import subprocess
 import sys
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -18,6 +16,7 @@ from fbql_common.core.errors import BadInput
 from fbql_recording.bag_metadata import INFINITE_NS, Qos
 from fbql_recording.message_definitions import schema_text, type_hash
 from fbql_recording.recorder import CHUNK_BYTES, Attachment, Channel, Recorder
+from file_limit import largest_file
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.exceptions import EndOfFile
@@ -384,17 +383,6 @@ def test_a_directory_that_is_none_is_refused_before_the_start(tmp_path):
 
 
 # A disk that is full
-
-
-@contextmanager
-def largest_file(size: int) -> Iterator[None]:
-    """Within it no file can grow beyond a size; the kernel says "File too large"."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def test_a_failing_disk_stops_the_recording_once_and_leaves_whole_chunks(tmp_path):

@@ -1,12 +1,10 @@
 """The run directory: never overwritten, whole files only, and a full disk stops nothing."""
 
 import json
-import resource
 import subprocess
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +22,7 @@ from fbql_recording.run_directory import (
     git_revision,
     software_versions,
 )
+from file_limit import largest_file
 
 GOAL = EpisodeRecord(0, Phase.GUIDED, 2**63 - 1, "goal", 120, 2, 17, 9.5, False)
 TIMEOUT = EpisodeRecord(1, Phase.EVALUATION, 5, "timeout", 4000, 0, 0, 0.1 + 0.2, True)
@@ -43,17 +42,6 @@ def run(tmp_path: Path) -> Iterator[RunDirectory]:
     made = RunDirectory(tmp_path / "run", {}, [], Reports())
     yield made
     made.close()
-
-
-@contextmanager
-def largest_file(size: int) -> Iterator[None]:
-    """Within it no file can grow beyond a size; the kernel says "File too large"."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def test_episodes_are_rows_that_are_there_as_soon_as_they_end(run):

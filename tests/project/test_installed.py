@@ -119,7 +119,7 @@ def test_demonstrations_are_recorded_and_learned_from_without_ros(fbql: Fbql, tm
     [
         ("bringup", "this needs ROS 2 Jazzy"),
         ("replay RUN", "this needs ROS 2 Jazzy"),
-        ("report RUN --figures", "pip install 'fbql[studies]'"),
+        ("report RUN --figures", "pip install '.[studies]'"),
     ],
 )
 def test_a_command_says_in_one_line_what_is_not_installed(fbql: Fbql, tmp_path: Path, words: str, needed: str) -> None:

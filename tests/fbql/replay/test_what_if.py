@@ -211,7 +211,7 @@ def test_a_run_that_was_killed_is_computed_as_far_as_it_goes(tmp_path, capsys):
         (["--set", "episodes=1"], "the world states stay as they were recorded"),
         (["--set", "ball_mass_kg=1"], "the world states stay as they were recorded"),
         (["--set", "weight_gain=x"], "'x' is not a number"),
-        (["--set", "discount=2"], "parameter 'discount' is 2.0, outside of [0, 1]"),
+        (["--set", "discount=2"], "--set discount is 2.0, outside of [0, 1]"),
         (["--trees", "/nowhere"], "none of ball_seeking.json, wall_avoiding.json, approaching.json is there"),
         (["--policy", "/nowhere/policy.npz"], "/nowhere/policy.npz"),
         (["--preset", "paper", "--csv", "/nowhere/x.csv"], "/nowhere/x.csv: cannot be written"),

@@ -29,4 +29,4 @@ def how_to_install(extra: str) -> str:
     """The command that installs an extra of the distribution here."""
     if checkout() is not None:
         return f"python -m pip install -r requirements/{LOCKS.get(extra, 'study')}.txt"
-    return f"pip install 'fbql[{extra}]'"
+    return f"pip install '.[{extra}]', in a clone of this project"

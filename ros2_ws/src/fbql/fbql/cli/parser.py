@@ -14,7 +14,10 @@ RUN_HELP = "run directory, ROS 2 bag (MCAP), or .mcap file"
 
 
 class Parser(argparse.ArgumentParser):
-    """Reports a usage error in one line and exits with 2."""
+    """Takes no abbreviated option, reports a usage error in one line and exits with 2."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(allow_abbrev=False, **options)
 
     def error(self, message: str) -> NoReturn:
         self.exit(BAD_INPUT, f"{self.prog}: {message} (see --help)\n")

@@ -100,7 +100,7 @@ def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrup
     match = match_from(arguments)
     rehearse(match)
     for note in match.notes:
-        line.say(note)
+        line.complain(note)
     interrupts.check(BEFORE_THE_MATCH)
     mode = Mode(arguments.processes, arguments.realtime, arguments.record, arguments.start_timeout)
     live = None

@@ -150,6 +150,12 @@ def _check_usage(arguments: argparse.Namespace) -> None:
     for name, of in (("demonstrations", ("",)), ("steps", ("",)), ("seed", ("", "keyboard"))):
         if getattr(arguments, name) is not None and mode not in of:
             raise BadInput(f"--{name} cannot be combined with --{mode}")
+    if mode not in ("keyboard", "replay"):
+        for name, default in (("realtime", None), ("ascii", False)):
+            if getattr(arguments, name) != default:
+                complain(f"--{name} has no effect without --keyboard or --replay")
+    if arguments.realtime is None:
+        arguments.realtime = 1.0
     if not SLOWEST <= arguments.realtime <= FASTEST:
         raise BadInput(f"--realtime is {arguments.realtime:g}, outside of [{SLOWEST:g}, {FASTEST:g}]")
 
@@ -171,9 +177,8 @@ def parser(program: str) -> Parser:
     modes.add_argument(
         "--realtime",
         type=float,
-        default=1.0,
         metavar="F",
-        help="--keyboard, --replay: speed relative to real time; 0.5 is slow motion (%(default)s)",
+        help="--keyboard, --replay: speed relative to real time; 0.5 is slow motion (1)",
     )
     modes.add_argument(
         "--ascii",

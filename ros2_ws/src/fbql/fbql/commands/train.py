@@ -11,7 +11,7 @@ from fbql_fusion.core.session import Session
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import LiveLine, print_result, say
+from fbql.cli.output import LiveLine, complain, print_result
 from fbql.cli.parser import Parser
 from fbql.match.in_process import play_match, status_of
 from fbql.match.options import match_from, match_parser, policy_summary
@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Plays the match. Returns 0, or 3 if a result could not be written."""
     match = match_from(arguments)
     for note in match.notes:
-        say(note)
+        complain(note)
     with closing(LiveLine(log_every_s=LOG_EVERY_S, keep=True)) as line:
 
         def episode_ended(session: Session, elapsed_s: float) -> bool:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import re
 import shlex
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from difflib import get_close_matches
@@ -32,6 +34,8 @@ from fbql.cli.places import RUNS
 DEFAULT_GOALS = 10
 RESERVED_NAMES = {"simulator", "fusion", "bringup", "behavior"}
 _OF_THE_RUN = {"controller", "seed", "episodes", "goals", "guided", "learn"}
+_OPTIONS = _OF_THE_RUN | {"preset", "max_steps"}
+"""Parameters that have an option of their own; --set gives the others."""
 """Parameters that the next run chooses anew."""
 
 
@@ -123,9 +127,9 @@ def match_from(arguments: argparse.Namespace, has_policy: bool = False) -> Match
     goals = arguments.goals
     if goals is None:
         goals = 0 if arguments.episodes is not None else DEFAULT_GOALS
-    for option in ("episodes", "goals"):
-        if getattr(arguments, option) is not None and getattr(arguments, option) < 1:
-            raise BadInput(f"--{option} is {getattr(arguments, option)}; it must be 1 or more")
+    for option, least in (("episodes", 1), ("goals", 1), ("guided", 0)):
+        if getattr(arguments, option) is not None and getattr(arguments, option) < least:
+            raise BadInput(f"--{option} is {getattr(arguments, option)}; it must be {least} or more")
     controller = resolve_controller(arguments.controller or ("subsumption" if arguments.preset else "fbql"))
     values: dict[str, Any] = {
         "controller": controller.name,
@@ -143,10 +147,12 @@ def match_from(arguments: argparse.Namespace, has_policy: bool = False) -> Match
     given = [_add_setting(setting, declaration, values, simulation) for setting in arguments.set]
     if arguments.preset:
         given.append("preset")
-    fusion = from_mapping(declaration, values, "fusion")
-    check_fusion(fusion, "fusion")
+    with errors_name_options():
+        fusion = from_mapping(declaration, values, "fusion")
+        check_fusion(fusion, "fusion")
+        simulated = from_mapping(SimulationParameters, simulation, "simulation")
     for name in RESERVED_NAMES & set(fusion.behaviors):
-        raise BadInput(f"parameter 'behaviors' has '{name}', which is the name of another node")
+        raise BadInput(f"--set behaviors has '{name}', which is the name of another node")
     behaviors = {name: _tree_file(name, arguments.trees) for name in fusion.behaviors}
     fits = _are_shipped(behaviors)
     shipped = fusion.controller == "fbql" and fusion.guided <= 0 and fits
@@ -156,7 +162,7 @@ def match_from(arguments: argparse.Namespace, has_policy: bool = False) -> Match
     notes += _unused(fusion, has_policy, given)
     return Match(
         fusion=fusion,
-        simulation=from_mapping(SimulationParameters, simulation, "simulation"),
+        simulation=simulated,
         behaviors=behaviors,
         policy=policy,
         out=_out(arguments.out, fusion),
@@ -166,6 +172,20 @@ def match_from(arguments: argparse.Namespace, has_policy: bool = False) -> Match
         controller_file=controller.source,
         notes=tuple(notes),
     )
+
+
+@contextmanager
+def errors_name_options() -> Generator[None]:
+    """A context in which an error about a parameter names the option that gave its value."""
+    try:
+        yield
+    except BadInput as error:
+        raise BadInput(re.sub(r"^(?:fusion|simulation): parameter '(\w+)'", _option, str(error))) from None
+
+
+def _option(parameter: re.Match[str]) -> str:
+    name = parameter[1]
+    return f"--{name.replace('_', '-')}" if name in _OPTIONS else f"--set {name}"
 
 
 def _refuse_clashes(controller: str, declaration: type[FusionParameters]) -> None:

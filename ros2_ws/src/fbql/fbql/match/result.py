@@ -21,11 +21,8 @@ def status_line(status: Mapping[str, str], width: int | None = None) -> str:
     score = f"{goals} goals, {own_goals} own goals, {timeouts} timeouts"
     long = f"{episode} ({status['phase']}) · step {status['step']} · {score} · {rate} · "
     short = f"{episode} · {score.replace('own goals', 'own')} · {rate} · "
-    numbers = " ".join(weights)
-    lines = [
-        f"{long}weights {named}",
-        *(short + end for end in (f"weights {named}", named, f"weights {numbers}", numbers)),
-    ]
+    ends = (f"weights {named}", named, f"weights {' '.join(weights)}", " ".join(weights)) if weights else ("",)
+    lines = [f"{start}{end}".removesuffix(" · ") for start, end in ((long, ends[0]), *((short, end) for end in ends))]
     return next((line for line in lines if width is None or len(line) <= width), lines[-1][:width])
 
 

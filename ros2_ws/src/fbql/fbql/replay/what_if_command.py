@@ -27,7 +27,7 @@ from fbql_recording import Run
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import register_observations
 from fbql.cli.output import LiveLine, print_result, writing
-from fbql.match.options import parse_value, similar
+from fbql.match.options import errors_name_options, parse_value, similar
 from fbql.replay.recomputation import recorded_parameters, recorded_policy
 from fbql.replay.what_if import Compared, DifferenceTally, Tallies, compare_steps
 
@@ -104,8 +104,9 @@ def _changed(recorded: FusionParameters, arguments: argparse.Namespace, controll
                 f"the world states stay as they were recorded){hint}"
             )
         values[name] = parse_value(text, kinds[name], name)
-    parameters = from_mapping(declaration, values, "fusion")
-    check_fusion(parameters, "fusion")
+    with errors_name_options():
+        parameters = from_mapping(declaration, values, "fusion")
+        check_fusion(parameters, "fusion")
     return parameters
 
 
