@@ -29,6 +29,9 @@ settings.load_profile("shared_machine")
 # Unless told to check, the generated message classes accept any type for any field, and send garbage.
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 
+# Hundreds of processes start here, of which each would compile every module of ours again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # A shell script that starts the suite in the background makes it, and every process that it starts, ignore SIGINT.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
