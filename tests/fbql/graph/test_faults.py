@@ -73,6 +73,18 @@ def test_a_node_that_hangs_ends_the_run_by_the_bounded_wait_of_lockstep(start: S
     assert finalised(run.out) == summary_of(run.out)["messages_recorded"]
 
 
+@pytest.mark.long
+def test_all_nodes_that_hang_together_end_the_run(start: Start) -> None:
+    """Nobody inside of it can tell: bringup does, when no step was played for 30 s."""
+    run = start(*ENDLESS, *ONE)
+    run.until_playing()
+    (graph,) = (pid for pid, line in run.processes().items() if "one_process" in line)
+    os.kill(graph, signal.SIGSTOP)
+    assert run.exit_code(45) == 1
+    assert run.processes() == {}
+    assert f"bringup.py: no step was played for 30 s: a node hangs; see {run.out}/log\n" in run.stderr
+
+
 # Nodes that never start
 
 
