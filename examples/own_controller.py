@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from fbql_common.core.parameters import parameter
+from fbql_common.core.types import Phase
 from fbql_fusion.core.controllers.parameters import SessionParameters
 
 
@@ -33,10 +34,11 @@ class Bandit:
         self.generator = generator  # seeded from the run's seed; the only source of randomness
         self.values = np.zeros(len(parameters.behaviors))
         self.driver = 0
+        self.rewards = 0.0
 
     def begin_episode(self, phase):
-        """Chooses who drives in this episode."""
-        explore = self.generator.random() < self.parameters.bandit_random
+        """Chooses who drives in this episode; frozen, the best."""
+        explore = phase is Phase.LEARNING and self.generator.random() < self.parameters.bandit_random
         self.driver = int(self.generator.integers(len(self.values)) if explore else self.values.argmax())
 
     def select(self, world, joint_state, outputs):
@@ -45,8 +47,11 @@ class Bandit:
         return weights, self.driver, tuple(self.values.tolist()), weights
 
     def learn(self, transition):
-        """Learns from one step's reward."""
-        self.values[self.driver] += self.parameters.bandit_rate * (transition.reward - self.values[self.driver])
+        """Adds one step's reward; at the end of an episode learns from their sum."""
+        self.rewards += transition.reward
+        if transition.terminated or transition.truncated:
+            self.values[self.driver] += self.parameters.bandit_rate * (self.rewards - self.values[self.driver])
+            self.rewards = 0.0
 
     def to_arrays(self):
         """What a policy file holds."""
@@ -62,8 +67,10 @@ if __name__ == "__main__":
     import fbql
 
     fbql.register_controller("bandit", Bandit)
-    learned = fbql.train("bandit", episodes=6, max_steps=600, seed=1, parameters={"bandit_rate": 0.05})
+    # Without a punishment of collisions: they would make it avoid walls rather than score.
+    settings = {"bandit_rate": 0.2, "reward_collision": 0.0}
+    learned = fbql.train("bandit", episodes=40, max_steps=1000, seed=1, parameters=settings)
     print(f"bandit: {learned.summary['goals']} goals in {learned.summary['episodes']} episodes")
-    print("values:", learned.policy.content.arrays["values"].round(4))
-    again = fbql.play("bandit", policy=learned.policy, learn=False, episodes=2, max_steps=600, seed=2)
+    print("values:", learned.policy.content.arrays["values"].round(1))
+    again = fbql.play("bandit", policy=learned.policy, learn=False, episodes=10, max_steps=1000, seed=2)
     print(f"frozen: {again.summary['goals']} goals in {again.summary['episodes']} episodes")

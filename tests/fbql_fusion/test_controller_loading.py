@@ -15,7 +15,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, parameter
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters, unused_parameters
-from fbql_fusion.core.registry import fusion_parameters, learns, make_controller, register_controller
+from fbql_fusion.core.registry import fusion_parameters, learns, make_controller, register_controller, source_file
 from fbql_fusion.core.session import Session
 from own_controller import NOT_SAVED, bandit, only_ours
 from two_sides import BEHAVIORS, parameters, play
@@ -237,6 +237,7 @@ def test_an_installed_controller_is_found_by_its_name(tmp_path: Path, monkeypatc
     monkeypatch.setattr(own_code, "entry_points", lambda group, name: [x for x in entries if x.name == name])
     assert resolve_controller("bandit") == ("bandit", "")
     assert make_controller(from_mapping(fusion_parameters("bandit"), values(controller="bandit"), "here")) is not None
+    assert source_file("bandit") == str(tmp_path / "bandit.py")
     entries.append(EntryPoint("other", "nowhere:Bandit", "fbql.controllers"))
     with pytest.raises(BadInput, match=r"entry point fbql.controllers: other = nowhere:Bandit: ModuleNotFoundError"):
         resolve_controller("other")

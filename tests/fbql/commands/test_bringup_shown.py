@@ -40,7 +40,8 @@ SUMMARY: Mapping[str, Any] = {
 @pytest.mark.parametrize("columns", [80, 120])
 def test_a_terminal_has_one_live_line_that_never_wraps_and_stdout_only_the_result(start: Start, columns: int) -> None:
     terminal = Terminal(columns)
-    run = start("--controller", "subsumption", "--episodes", "6", "--seed", "7", "--json", terminal=terminal)
+    match = ("--controller", "subsumption", "--episodes", "6", "--seed", "7")
+    run = start(*match, "--processes", "one", "--json", terminal=terminal)
     assert run.exit_code() == 0, terminal.shown
     assert json.loads(run.stdout) == summary_of(run.out)
     begin, live, after = terminal.lines()

@@ -10,6 +10,7 @@ from struct import pack
 
 import pytest
 from bringup_run import Run
+from commands import replay
 from fbql_common.wire import decode_decision
 from fbql_recording import Message, open_run
 from rewritten_run import rewrite
@@ -37,21 +38,19 @@ def test_a_run_of_the_graph_is_verified_step_by_step(recorded, start):
 
 
 def test_a_run_of_the_graph_is_replayed_onto_ros(recorded, start):
-    replay = start(str(recorded), "--rate", "0", "--wait", "0", script="replay.py", out=False)
-    assert replay.exit_code() == 0, replay.stderr
-    assert f"replayed {sum(open_run(recorded).counts.values())} messages" in replay.stderr
+    done = start(str(recorded), "--rate", "0", "--wait", "0", script="replay.py", out=False)
+    assert done.exit_code() == 0, done.stderr
+    assert f"replayed {sum(open_run(recorded).counts.values())} messages" in done.stderr
 
 
-def test_what_if_tells_json_and_nothing_else_on_stdout(recorded, start):
-    what_if = start(str(recorded), "--set", "weight_gain=0.05", "--json", script="replay.py", out=False)
-    assert what_if.exit_code() == 0, what_if.stderr
-    assert json.loads(what_if.stdout)["changed"] == {"weight_gain": [0.01, 0.05]}
+def test_what_if_tells_json_and_nothing_else_on_stdout(recorded, capsys):
+    assert replay([str(recorded), "--set", "weight_gain=0.05", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["changed"] == {"weight_gain": [0.01, 0.05]}
 
 
-def test_no_run_is_one_line(tmp_path, start):
-    replay = start(str(tmp_path / "gone"), "--verify", script="replay.py", out=False)
-    assert replay.exit_code() == 2
-    assert replay.stderr == f"replay.py: {tmp_path / 'gone'}: no such run or recording\n"
+def test_no_run_is_one_line(tmp_path, capsys):
+    assert replay([str(tmp_path / "gone"), "--verify"]) == 2
+    assert capsys.readouterr().err == f"replay.py: {tmp_path / 'gone'}: no such run or recording\n"
 
 
 def flipped(message: Message, place: float, bit: int) -> bytes:
@@ -63,14 +62,18 @@ def flipped(message: Message, place: float, bit: int) -> bytes:
     return bytes(data)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_of_a_run_that_learned_every_step_is_identical_and_a_flipped_bit_of_a_weight_is_named(start, tmp_path, seed):
-    bringup = start("--controller", "fbql", "--learn", "--episodes", "3", "--seed", str(seed))
+@pytest.mark.parametrize(
+    ("seed", "processes"), [(1, "many"), (2, "one"), pytest.param(3, "many", marks=pytest.mark.long)]
+)
+def test_of_a_run_that_learned_every_step_is_identical_and_a_flipped_bit_of_a_weight_is_named(
+    start, tmp_path, capsys, seed, processes
+):
+    match = ("--controller", "fbql", "--learn", "--episodes", "3", "--seed", str(seed))
+    bringup = start(*match, "--processes", processes)
     assert bringup.exit_code() == 0, bringup.stderr
     steps = [(step.episode, step.step) for step in open_run(bringup.out).steps()]
-    verify = start(str(bringup.out), "--verify", "--json", script="replay.py", out=False)
-    assert verify.exit_code() == 0, verify.stderr
-    found = json.loads(verify.stdout)
+    assert replay([str(bringup.out), "--verify", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
     assert (found["identical"], found["steps"], found["not_recomputed"]) == (True, len(steps), {})
 
     chance = random.Random(seed)
@@ -84,9 +87,8 @@ def test_of_a_run_that_learned_every_step_is_identical_and_a_flipped_bit_of_a_we
         return flipped(message, place, bit) if is_it else message.data
 
     copy = rewrite(bringup.out, tmp_path / "flipped", change)
-    verify = start(str(copy), "--verify", "--json", script="replay.py", out=False)
-    assert verify.exit_code() == 1, verify.stderr
-    found = json.loads(verify.stdout)
+    assert replay([str(copy), "--verify", "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
     difference = found["first_difference"]
     assert (found["identical"], found["steps"], difference["index"]) == (False, index, index)
     assert (difference["episode"], difference["step"]) == steps[index]

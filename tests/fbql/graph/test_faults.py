@@ -73,6 +73,18 @@ def test_a_node_that_hangs_ends_the_run_by_the_bounded_wait_of_lockstep(start: S
     assert finalised(run.out) == summary_of(run.out)["messages_recorded"]
 
 
+@pytest.mark.long
+def test_all_nodes_that_hang_together_end_the_run(start: Start) -> None:
+    """Nobody inside of it can tell: bringup does, when no step was played for 30 s."""
+    run = start(*ENDLESS, *ONE)
+    run.until_playing()
+    (graph,) = (pid for pid, line in run.processes().items() if "one_process" in line)
+    os.kill(graph, signal.SIGSTOP)
+    assert run.exit_code(45) == 1
+    assert run.processes() == {}
+    assert f"bringup.py: no step was played for 30 s: a node hangs; see {run.out}/log\n" in run.stderr
+
+
 # Nodes that never start
 
 
@@ -107,7 +119,7 @@ def test_a_node_that_never_comes_up_is_named_by_the_start_barrier(start: Start, 
 def test_a_node_of_the_same_name_in_the_domain_is_refused(start: Start, tmp_path: Path) -> None:
     with domain_coordinator.domain_id() as domain_id:
         environment = {"ROS_DOMAIN_ID": str(domain_id)}
-        first = start(*ENDLESS, environment=environment)
+        first = start(*ENDLESS, *ONE, environment=environment)
         first.until_playing()
         second = start("--episodes", "1", environment=environment)
         assert second.exit_code() == 2
@@ -144,7 +156,7 @@ def test_a_full_disk_costs_the_recording_and_not_the_match(start: Start, tmp_pat
     disk.mkdir()
     before = in_namespace(f"mount -t tmpfs -o size=400k tmpfs '{disk}'", f"cp -a '{disk}/run' '{copy}'")
     match = ("--controller", "subsumption", "--episodes", "6", "--seed", "3", "--json")
-    full = start(*match, "--out", str(disk / "run"), out=False, before=before)
+    full = start(*match, *ONE, "--out", str(disk / "run"), out=False, before=before)
     whole = start(*match, script="train.py")
     assert whole.exit_code() == 0
     assert full.exit_code() == 3, full.stderr
@@ -169,7 +181,7 @@ def test_a_home_that_cannot_be_written_is_no_hindrance(start: Start, tmp_path: P
     if kind == "read-only":
         environment = {"HOME": str(home)}
         before = in_namespace(f"mount --bind '{home}' '{home}' && mount -o remount,ro,bind '{home}'")
-    run = start("--episodes", "1", "--max-steps", "30", environment=environment, before=before)
+    run = start(*ONE, "--episodes", "1", "--max-steps", "30", environment=environment, before=before)
     assert run.exit_code() == 0, run.stderr
     assert list(home.iterdir()) == []
     assert (run.out / "log/fusion.log").stat().st_size > 0

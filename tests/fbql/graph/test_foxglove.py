@@ -78,7 +78,7 @@ def test_a_client_hears_world_states_decisions_and_markers(start: Start) -> None
 
 def test_the_match_is_the_same_whether_somebody_can_watch_or_not(start: Start) -> None:
     match = ("--episodes", "1", "--max-steps", "200", "--seed", "5")
-    runs = [start(*match, "--foxglove", "0"), start(*match)]
+    runs = [start(*match, "--processes", "one", "--foxglove", "0"), start(*match, script="train.py")]
     assert [run.exit_code() for run in runs] == [0, 0]
     assert summary_of(runs[0].out)["digest"] == summary_of(runs[1].out)["digest"]
 

@@ -59,7 +59,7 @@ def test_in_real_time_a_second_takes_a_second_and_ros_tools_see_everything(
         tool.create_subscription(kind, topic, seen[topic].append, QoSProfile(depth=1000))
     executor = rclpy.executors.SingleThreadedExecutor(context=tool.context)
     executor.add_node(tool)
-    match = ("--realtime", "1", "--episodes", "3", "--max-steps", "150", "--seed", "3")
+    match = ("--processes", "one", "--realtime", "1", "--episodes", "3", "--max-steps", "150", "--seed", "3")
     run = start(*match, environment={"ROS_DOMAIN_ID": str(domain_id)})
     deadline = monotonic() + 60
     while run.popen.poll() is None and monotonic() < deadline:
@@ -99,7 +99,7 @@ def garbage(kind: type[Any], chance: random.Random) -> bytes:
 
 
 def test_garbage_on_every_topic_changes_nothing_of_a_match(start: Start, tool: Node, domain_id: int) -> None:
-    match = ("--controller", "subsumption", "--episodes", "20", "--seed", "3")
+    match = ("--controller", "subsumption", "--episodes", "8", "--seed", "3")
     alone = start(*match, script="train.py")
     types = {"/world": WorldState, "/wheel_command": WheelCommand, "/fusion/decision": FusionDecision}
     types |= {f"/behaviors/{name}": BehaviorOutput for name in BEHAVIORS}

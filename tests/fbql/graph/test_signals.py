@@ -12,7 +12,7 @@ from run_directory_reader import finalised, summary_of
 
 Start = Callable[..., Run]
 ENDLESS = ("--goals", "100000", "--seed", "1")
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS = ((signal.SIGINT, "many"), (signal.SIGTERM, "one"), (signal.SIGHUP, "one"))
 
 
 def ended_well(run: Run) -> None:
@@ -26,21 +26,14 @@ def ended_well(run: Run) -> None:
     assert finalised(run.out) == summary["messages_recorded"] >= 6 * summary["steps"]
 
 
-@pytest.mark.parametrize("number", SIGNALS)
-def test_a_signal_ends_the_run_with_all_that_was_played(start: Start, number: signal.Signals) -> None:
-    run = start(*ENDLESS, "--json")
+@pytest.mark.parametrize(("number", "processes"), SIGNALS)
+def test_a_signal_ends_the_run_with_all_that_was_played(start: Start, number: signal.Signals, processes: str) -> None:
+    run = start(*ENDLESS, "--json", "--processes", processes)
     run.until_playing()
     run.send(number)
     ended_well(run)
     assert f"ended by {number.name}" in run.stderr
     assert json.loads(run.stdout) == summary_of(run.out)
-
-
-def test_a_signal_ends_the_graph_in_one_process(start: Start) -> None:
-    run = start(*ENDLESS, "--processes", "one")
-    run.until_playing()
-    run.send(signal.SIGTERM)
-    ended_well(run)
 
 
 def test_a_second_signal_changes_nothing(start: Start) -> None:
@@ -68,7 +61,7 @@ def test_control_c_at_a_terminal_ends_the_run(start: Start) -> None:
 def test_a_terminal_that_is_closed_ends_the_run(start: Start) -> None:
     """SIGHUP, and from then on every line that is said fails."""
     terminal = Terminal()
-    run = start(*ENDLESS, terminal=terminal)
+    run = start(*ENDLESS, "--processes", "one", terminal=terminal)
     run.until_playing()
     terminal.close()
     ended_well(run)

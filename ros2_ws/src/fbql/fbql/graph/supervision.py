@@ -31,6 +31,8 @@ _LOOK_S = 0.05
 _DISCOVERY_S = 3.0
 """Every participant of a domain announces itself again within this time [s]."""
 _FIRST_OUTPUT_S = 3.0
+_STALLED_S = 30.0
+"""How long no step may be played before a node counts as hung [s]: longer than any node waits for another."""
 
 
 class GraphFailed(Exception):
@@ -92,7 +94,7 @@ class Supervision:
                     if self._live is not None:
                         self._live.attach(observer, list(match.behaviors))
                     self._wait_for_graph(observer, match)
-                    self._watch(observer)
+                    self._watch(observer, match)
             except GraphFailed as failure:
                 self._line.complain(failure)
                 code = FAILED
@@ -165,9 +167,12 @@ class Supervision:
             if monotonic() > deadline:
                 raise GraphFailed(f"after {self._start_timeout_s:g} s the graph still lacks {', '.join(missing)}")
 
-    def _watch(self, observer: Observer) -> None:
-        """Waits until fusion has ended, or a signal requests the end."""
+    def _watch(self, observer: Observer, match: Match) -> None:
+        """Waits until fusion has ended, or a signal requests the end. A node that hangs, and so cannot end, is a
+        failure."""
         fusion = self._started[-1]
+        stalled_s = _STALLED_S + (10 * match.simulation.dt_s / self._mode.realtime if self._mode.realtime else 0.0)
+        place, moved_s = ("", ""), monotonic()
         while not self._interrupts.came:
             observer.look(_LOOK_S)
             if observer.status:
@@ -175,6 +180,11 @@ class Supervision:
             if fusion.exit_code in (DONE, INCOMPLETE):
                 return
             self._fail_on_exit()
+            now_at = observer.status.get("episode", ""), observer.status.get("step", "")
+            if now_at != place:
+                place, moved_s = now_at, monotonic()
+            elif monotonic() - moved_s > stalled_s:
+                raise GraphFailed(f"no step was played for {stalled_s:g} s: a node hangs; see {match.out / 'log'}")
 
     def _fail_on_exit(self) -> None:
         for process in self._started:

@@ -102,9 +102,15 @@ def make_controller(parameters: FusionParameters) -> Controller:
     if declaration is not None:
         values = {field.name: getattr(parameters, field.name, None) for field in dataclasses.fields(declaration)}
         given = declaration(**{key: value for key, value in values.items() if hasattr(parameters, key)})
-    file = str(getattr(sys.modules.get(getattr(factory, "__module__", "")), "__file__", ""))
+    file = source_file(name)
     made = guarded_call(factory, f"controller '{name}'", file, given, generator)
     return guard(made, name, file, len(parameters.behaviors))
+
+
+def source_file(name: str) -> str:
+    """The file of the module that defines a registered controller; "" for those of this package."""
+    factory = _registered[name].factory if name in _registered else None
+    return str(getattr(sys.modules.get(getattr(factory, "__module__", "")), "__file__", "") or "")
 
 
 def learns(parameters: FusionParameters) -> bool:

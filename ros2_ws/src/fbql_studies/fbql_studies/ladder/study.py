@@ -17,7 +17,8 @@ from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.errors import BadInput
 from fbql_common.own_code import content_hash
-from fbql_fusion.controller_loading import resolve_controller
+from fbql_fusion.controller_loading import KnownController, resolve_controller
+from fbql_fusion.core.registry import source_file
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
@@ -145,19 +146,26 @@ def tasks(options: argparse.Namespace) -> list[StudyTask]:
 def _own_controllers(sources: Sequence[str]) -> dict[str, Parameters]:
     """How the keys of a controller's tasks begin, and what its tasks know of it.
 
-    The content of its file is part of both, so that one that was edited does not resume the results of the other.
+    The content of the file that defines it is part of both, so that one that was edited does not resume the results of
+    the other.
     """
     found: dict[str, Parameters] = {}
     for source in sources:
-        name, file = resolve_controller(source)
-        digest = content_hash(file) if file else ""
-        key = f"own-{name}-{digest}" if digest else f"own-{name}"
-        found.setdefault(key, {"part": name, "controller": file or name, "sha256": digest})
+        known = resolve_controller(source)
+        digest = _content(known)
+        key = f"own-{known.name}-{digest}" if digest else f"own-{known.name}"
+        found.setdefault(key, {"part": known.name, "controller": known.source or known.name, "sha256": digest})
     names = [own["part"] for own in found.values()]
     for own in found.values():
         if names.count(own["part"]) > 1:
             own["part"] += f" {own['sha256'] or 'installed'}"
     return found
+
+
+def _content(known: KnownController) -> str:
+    """A hash of the file that defines a controller; "" for one of this package."""
+    file = known.source or source_file(known.name)
+    return content_hash(file) if file else ""
 
 
 def run(parameters: Parameters) -> Result:
@@ -173,7 +181,7 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
     learner, tree_set, seed = parameters["part"], parameters["set"], parameters["seed"]
     if own := parameters.get("controller"):
         known = resolve_controller(own)  # a worker is a separate process
-        if parameters["sha256"] not in ("", content_hash(own)):
+        if parameters["sha256"] != _content(known):
             raise BadInput(f"{own}: it has changed since its tasks were made; start the study again")
         controller, changes = known.name, {}
     else:

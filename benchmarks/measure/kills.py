@@ -1,0 +1,348 @@
+"""Random signals to random processes of a bring-up at random times: does it end, say so, and keep what it recorded?
+
+Each run starts bringup.py with a match without end, in one process or in several, and sends one signal to bringup.py or
+to a node, while the graph starts or while it plays; SIGSTOP stands for a node that hangs. Then it checks:
+
+end       bringup.py ends within 60 s, and within 5 s more no process of it is left
+exit      a signal to bringup.py ends the match in good order (0; 1 before it began; killed: no exit code of its own); one to
+          a node is a failure (1 or 3); no traceback; stdout is empty or one JSON object
+loss      every command that a listener of another process heard is in the recording, but for those of the last flush
+          period (0.5 s) before the signal
+recording it is finished and verifies, or `recover` repairs it and the repaired one verifies
+
+Every run is one line of FILE (JSON); a study that was interrupted goes on with the next number.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import uuid
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from pathlib import Path
+from statistics import median
+from time import monotonic, sleep
+from typing import Any, NamedTuple
+
+import numpy as np
+from fbql.cli.parser import Parser
+from fbql.graph.observer import CommandNode
+from fbql.replay.recomputation import RecordedBehaviors, recorded_parameters, recorded_policy, recorded_trees
+from fbql.replay.verification import verify
+from fbql_common.core.errors import BadInput
+from fbql_common.topics import WHEEL_COMMAND
+from fbql_common.wire import decode_command
+from fbql_fusion.core.session import Session
+from fbql_msgs.msg import WheelCommand
+from fbql_recording import open_run
+from fbql_recording.recovery.recover import recover
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from measure.graph import MODES, ROOT
+
+LAUNCHER = "bringup"
+NODES = ("simulator", "ball_seeking", "wall_avoiding", "approaching", "fusion")
+TARGETS = {"many": (LAUNCHER, *NODES), "one": (LAUNCHER, "all nodes")}
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGKILL", "SIGSTOP")
+CONTROLLERS = ("subsumption", "uniform", "fbql_literal", "fbql_value", "fbql")
+PHASES = ("start", "play")
+LONGEST_WAIT_S = 4.0
+"""The signal comes up to this long after the start, or after the first command [s]."""
+HANG_S, GONE_S, START_S = 60.0, 5.0, 60.0
+LATE_S = 0.3
+"""How much later than it should a timer may come on a busy machine [s]."""
+MARK = "FBQL_KILL_STUDY"
+DOMAIN = re.compile(r"ROS_DOMAIN_ID=(\d+)")
+
+
+class Plan(NamedTuple):
+    """What is done to one bring-up."""
+
+    number: int
+    processes: str
+    controller: str
+    target: str
+    signal: str
+    phase: str
+    after_s: float
+    """How long after the beginning of the phase [s]."""
+
+
+def plan(seed: int, number: int) -> Plan:
+    """The plan of a run: a function of the study's seed and the run's number."""
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
+
+    def one_of(choices: Sequence[str]) -> str:
+        return choices[generator.integers(len(choices))]
+
+    processes = one_of(MODES)
+    target = one_of(TARGETS[processes])
+    signals = [name for name in SIGNALS if (target, name) != (LAUNCHER, "SIGSTOP")]  # nobody could end it
+    after_s = float(generator.uniform(0.0, LONGEST_WAIT_S))
+    return Plan(number, processes, one_of(CONTROLLERS), target, one_of(signals), one_of(PHASES), after_s)
+
+
+class Listener(CommandNode):
+    """Hears the commands of a match in another process than those of the graph."""
+
+    def __init__(self, domain_id: int) -> None:
+        super().__init__("listener", domain_id)
+        self.heard: list[tuple[float, tuple[int, int]]] = []
+        """When each command came, on the steady clock [s], and its (episode, step)."""
+        qos = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self.node.create_subscription(WheelCommand, WHEEL_COMMAND, self._note, qos, raw=True)
+
+    def _note(self, data: bytes) -> None:
+        command = decode_command(data)
+        self.heard.append((monotonic(), (command.episode, command.step)))
+
+
+class Bringup:
+    """One bringup.py, whose processes all carry a mark in their environment."""
+
+    def __init__(self, plan: Plan, place: Path) -> None:
+        self.out = place / "run"
+        self._mark = f"{MARK}={uuid.uuid4().hex}"
+        self._stdout, self._stderr = place / "stdout", place / "stderr"
+        options = ["--json", "--controller", plan.controller, "--processes", plan.processes]
+        options += ["--episodes", "1000000", "--seed", str(plan.number), "--out", str(self.out)]
+        name, value = self._mark.split("=")
+        environment = {key: text for key, text in os.environ.items() if key != "ROS_DOMAIN_ID"} | {name: value}
+        with self._stdout.open("wb") as stdout, self._stderr.open("wb") as stderr:
+            command = [sys.executable, str(ROOT / "scripts" / "bringup.py"), *options]
+            self.popen = subprocess.Popen(
+                command, env=environment, stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr, start_new_session=True
+            )
+
+    @property
+    def stdout(self) -> str:
+        return self._stdout.read_text(errors="replace")
+
+    @property
+    def stderr(self) -> str:
+        return self._stderr.read_text(errors="replace")
+
+    @property
+    def has_ended(self) -> bool:
+        return self.popen.poll() is not None
+
+    def processes(self) -> dict[int, str]:
+        """The command lines of all its processes, by process id."""
+        found: dict[int, str] = {}
+        for directory in Path("/proc").iterdir():
+            if directory.name.isdigit():
+                with contextlib.suppress(OSError):
+                    if self._mark.encode() in (directory / "environ").read_bytes().split(b"\0"):
+                        found[int(directory.name)] = (directory / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        return found
+
+    def process_of(self, target: str) -> int | None:
+        """The process id of a node, of the process of all nodes, or of bringup.py itself; None while there is none."""
+        if target == LAUNCHER:
+            return self.popen.pid
+        nodes = {pid: line for pid, line in self.processes().items() if "--ros-args" in line}
+        of_target = [pid for pid, line in nodes.items() if target not in NODES or f"/{target} " in line]
+        return of_target[0] if of_target else None
+
+    def kill(self) -> None:
+        """Kills whatever is left of it."""
+        for pid in self.processes():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self.popen.wait()
+
+
+def run_once(plan: Plan) -> dict[str, Any]:
+    """Does what is planned, and returns the plan, what was seen, and `faults`: what must not be, in words."""
+    with tempfile.TemporaryDirectory() as directory:
+        bringup = Bringup(plan, Path(directory))
+        try:
+            seen = _signalled(plan, bringup)
+        finally:
+            bringup.kill()
+        return {**plan._asdict(), **seen}
+
+
+def _signalled(plan: Plan, bringup: Bringup) -> dict[str, Any]:
+    deadline = monotonic() + START_S
+    faults: list[str] = []
+    heard: list[tuple[float, tuple[int, int]]] = []
+    with contextlib.ExitStack() as stack:
+        listener: Listener | None = None
+        begun_s = monotonic() if plan.phase == "start" else None
+        process: int | None = None
+        while True:  # until the signal is sent
+            if bringup.has_ended or monotonic() > deadline:
+                return {"faults": [f"it never came to the signal: {bringup.stderr[-300:]}"]}
+            domain = DOMAIN.search(bringup.stderr)
+            if listener is None and domain is not None:
+                listener = stack.enter_context(closing(Listener(int(domain[1]))))
+            if listener is not None:
+                listener.look(0.01)
+                if begun_s is None and listener.heard:
+                    begun_s = monotonic()
+            else:
+                sleep(0.01)
+            if begun_s is not None and monotonic() >= begun_s + plan.after_s:
+                process = bringup.process_of(plan.target)
+                if process is not None:
+                    break
+        sent_s = monotonic()
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, signal.Signals[plan.signal])
+        while not bringup.has_ended and monotonic() < sent_s + HANG_S:
+            listener.look(0.01) if listener is not None else sleep(0.01)
+        ended_s = monotonic() - sent_s
+        if listener is not None:
+            listener.look(0.05)
+            heard = listener.heard
+    if not bringup.has_ended:
+        faults.append(f"it hangs: after {HANG_S:g} s it has not ended")
+    faults += _left_behind(bringup)
+    seen = {"exit_code": bringup.popen.poll(), "ended_s": round(ended_s, 3), "heard": len(heard)}
+    faults += _said(plan, bringup)
+    try:
+        recording = _recording(bringup.out, heard, sent_s)
+    except (BadInput, AssertionError, ValueError) as error:
+        recording = {"recording": "unusable"}
+        faults.append(f"the recording can't be used: {error}")
+    faults += recording.pop("faults", [])
+    return {**seen, **recording, "faults": faults}
+
+
+def _left_behind(bringup: Bringup) -> Iterator[str]:
+    """Processes that are left some time after the end."""
+    deadline = monotonic() + GONE_S
+    while bringup.processes() and monotonic() < deadline:
+        sleep(0.02)
+    for pid, line in bringup.processes().items():
+        yield f"process {pid} is left: {line}"
+
+
+def _said(plan: Plan, bringup: Bringup) -> Iterator[str]:
+    """What is wrong with the exit code and with what was printed."""
+    code, stdout, stderr = bringup.popen.poll(), bringup.stdout, bringup.stderr
+    if plan.target != LAUNCHER:
+        right = code in (1, 3)
+    elif plan.signal == "SIGKILL":
+        right = code == -signal.SIGKILL
+    else:
+        right = code in (0, 1)
+    if not right:
+        yield f"exit code {code}"
+    if "Traceback" in stderr:
+        yield f"a traceback: {stderr[-300:]}"
+    if plan.target != LAUNCHER and plan.target in NODES and plan.target not in stderr:
+        yield f"the node is not named: {stderr[-300:]}"
+    try:
+        if stdout and not isinstance(json.loads(stdout), dict):
+            yield f"stdout is not an object: {stdout[:200]}"
+    except json.JSONDecodeError:
+        yield f"stdout is not JSON: {stdout[:200]}"
+
+
+def _recording(out: Path, heard: Sequence[tuple[float, tuple[int, int]]], sent_s: float) -> dict[str, Any]:
+    """What became of the recording."""
+    if not list(out.glob("*.mcap*")):
+        return {"recording": "none", "faults": ["commands were heard, but there is no recording"] if heard else []}
+    summary = out / "summary.json"
+    whole = (out / "metadata.yaml").exists() and summary.exists() and not json.loads(summary.read_text())["incomplete"]
+    state = "finished"
+    if not whole:
+        if not any(path.stat().st_size for path in out.glob("*.mcap*")):
+            return {"recording": "empty", "faults": []}
+        state, out = "recovered", recover(out, out.with_name("recovered")).path
+    run = open_run(out)
+    steps = [(step.episode, step.step) for step in run.steps() if step.command is not None]
+    last = steps[-1] if steps else (-1, -1)
+    lost = [came_s for came_s, step in heard if step > last and came_s <= sent_s]
+    lost_s = sent_s - min(lost, default=sent_s)
+    parameters, _ = recorded_parameters(run)
+    behaviors = RecordedBehaviors(run, recorded_trees(run), {})
+    verified = verify(run, Session(parameters, recorded_policy(run)), behaviors, lambda _: None)
+    faults: list[str] = []
+    if verified.difference is not None:
+        faults.append(f"it differs: {verified.difference.words}")
+    if lost_s > run.parameters["fusion"]["flush_period_s"] + LATE_S:
+        faults.append(f"{lost_s:.3f} s are lost")
+    return {"recording": state, "steps": verified.steps, "lost_s": round(lost_s, 3), "faults": faults}
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A row for each kind of target and signal."""
+    found: list[dict[str, Any]] = []
+    for target in (LAUNCHER, *NODES, "all nodes"):
+        for name in SIGNALS:
+            of = [row for row in rows if (row["target"], row["signal"]) == (target, name)]
+            ended = [row["ended_s"] for row in of if "ended_s" in row]
+            if not ended:
+                continue
+            codes = Counter(str(row["exit_code"]) for row in of if "exit_code" in row)
+            found.append(
+                {
+                    "target": target,
+                    "signal": name,
+                    "runs": len(of),
+                    "exit codes": ", ".join(f"{code} ({count})" for code, count in sorted(codes.items())),
+                    "ended after, median [s]": round(median(ended), 2),
+                    "at most [s]": round(max(ended), 2),
+                    "finished": sum(row.get("recording") == "finished" for row in of),
+                    "recovered": sum(row.get("recording") == "recovered" for row in of),
+                    "lost at most [s]": round(max((row.get("lost_s", 0.0) for row in of), default=0.0), 2),
+                    "faults": sum(bool(row["faults"]) for row in of),
+                }
+            )
+    return found
+
+
+def main(argv: Sequence[str]) -> int:
+    """Runs the study. Returns the exit code: 1 if there was a fault."""
+    arguments = _arguments(argv)
+    rows = [json.loads(line) for line in arguments.out.read_text().splitlines()] if arguments.out.exists() else []
+    rows = [row for row in rows if row["number"] < arguments.runs]
+    done = {row["number"] for row in rows}
+    with arguments.out.open("a", buffering=1) as file:
+        for number in range(arguments.runs):
+            if number in done:
+                continue
+            row = run_once(plan(arguments.seed, number))
+            file.write(f"{json.dumps(row)}\n")
+            rows.append(row)
+            words = "; ".join(row["faults"]) or "well"
+            what = f"{row['signal']} to {row['target']} ({row['processes']}, {row['controller']}, {row['phase']})"
+            print(f"{number + 1}/{arguments.runs} {what}: {words}", file=sys.stderr, flush=True)
+    faults = [row for row in rows if row["faults"]]
+    if arguments.json:
+        print(json.dumps({"runs": len(rows), "faults": len(faults), "table": table(rows)}))
+    else:
+        lines = table(rows)
+        print(f"| {' | '.join(lines[0])} |\n|{'---|' * len(lines[0])}" if lines else "")
+        for line in lines:
+            print(f"| {' | '.join(str(value) for value in line.values())} |")
+        print(f"\n{len(rows)} runs, {len(faults)} with a fault")
+    return 1 if faults else 0
+
+
+def _arguments(argv: Sequence[str]) -> argparse.Namespace:
+    parser = Parser(prog="kills.py", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--runs", type=int, default=20, metavar="N", help="number of bring-ups (20)")
+    parser.add_argument("--seed", type=int, default=1, metavar="S", help="seed of all that is random (1)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("kills.jsonl"), metavar="FILE", help="file of results (kills.jsonl)"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    arguments = parser.parse_args(list(argv))
+    if arguments.runs < 1:
+        parser.error(f"--runs is {arguments.runs}; it must be 1 or more")
+    if arguments.seed < 0:
+        parser.error(f"--seed is {arguments.seed}; it must be 0 or more")
+    return arguments
