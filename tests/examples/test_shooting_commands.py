@@ -50,19 +50,21 @@ def test_it_is_recorded_induced_and_explained(start: Start, tmp_path: Path) -> N
     assert "ball" in explained.stdout and "goal" in explained.stdout
 
 
-def test_four_behaviors_play_the_same_match_in_many_processes_in_one_and_without_ros(start: Start, trees: Path) -> None:
+@pytest.mark.parametrize("processes", ["many", pytest.param("one", marks=pytest.mark.long)])
+def test_four_behaviors_play_the_same_match_in_many_processes_in_one_and_without_ros(
+    start: Start, trees: Path, processes: str
+) -> None:
     # one episode by Subsumption, one by what was learned in it
     words = ("--controller", "fbql_literal", "--guided", "1", *MATCH, "--trees", str(trees), *OBSERVATION)
-    many = well_ended(start(*words))
-    one = well_ended(start(*words, "--processes", "one"))
+    graph = well_ended(start(*words, "--processes", processes))
     without = well_ended(start(*words, script="train.py"))
-    digests = {json.loads(run.stdout)["digest"] for run in (many, one, without)}
+    digests = {json.loads(run.stdout)["digest"] for run in (graph, without)}
     assert len(digests) == 1
-    messages = messages_of(many.out)
+    messages = messages_of(graph.out)
     assert {f"/behaviors/{name}" for name in NAMES} < {message.topic for message in messages}
-    assert digest_of(messages) == summary_of(many.out)["digest"]
+    assert digest_of(messages) == summary_of(graph.out)["digest"]
     source = f"{EXAMPLE / 'shooting.py'}:shooting"
-    for run in (many, without):
+    for run in (graph, without):
         nodes = parameters_of(run.out)
         assert [nodes[name].get("observation", "") for name in NAMES] == ["", "", "", source]
 

@@ -38,9 +38,16 @@ def cpu_shares(nodes, duration_s=1.0):
         )
 
 
-def test_signals_end_every_executable_with_exit_code_0(start_node):
+def test_nodes_that_wait_leave_the_processor_alone_and_signals_end_them_with_exit_code_0(start_node, bench):
     """SIGINT ends each executable; the other two take the same way, so one executable stands for all."""
-    nodes = start_all(start_node)
+    # Each in a namespace of its own: nobody finds anybody.
+    nodes = []
+    for number, executable in enumerate(READY):
+        nodes.append(start_node(*executable, "--ros-args", "-r", f"__ns:={bench.namespace}/n{number}"))
+    for node, ready in zip(nodes, READY.values(), strict=True):
+        node.until_printed(ready)
+    shares = cpu_shares(nodes)
+    assert max(shares.values()) < IDLE_SHARE, shares
     others = {number: start_node("fbql_sim", "simulator") for number in (signal.SIGTERM, signal.SIGHUP)}
     for node in others.values():
         node.until_printed("simulator: lockstep")
@@ -134,17 +141,6 @@ def test_namespace_remapping_and_parameter_file_apply(start_node, bench, tmp_pat
     bench.until(lambda: ("field", namespace) in partner.get_node_names_and_namespaces(), "the node's new name")
     bench.until(lambda: partner.count_publishers("a/robot/pose") == 1, "a topic in the namespace")
     assert partner.count_publishers("a/world") == 0
-
-
-def test_nodes_that_wait_for_their_inputs_leave_the_processor_alone(start_node, bench):
-    # Each in a namespace of its own: nobody finds anybody.
-    nodes = []
-    for number, executable in enumerate(READY):
-        nodes.append(start_node(*executable, "--ros-args", "-r", f"__ns:={bench.namespace}/n{number}"))
-    for node, ready in zip(nodes, READY.values(), strict=True):
-        node.until_printed(ready)
-    shares = cpu_shares(nodes)
-    assert max(shares.values()) < IDLE_SHARE, shares
 
 
 def test_graph_survives_a_killed_behavior_and_idles_without_its_simulator(start_node, bench, tmp_path):

@@ -16,6 +16,9 @@ def _command(name: str) -> Main:
         before = {number: signal.getsignal(number) for number in NUMBERS}
         try:
             return run(name, words, f"{name}.py")
+        except SystemExit as end:  # the parser's, of a usage error
+            assert isinstance(end.code, int)
+            return end.code
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
@@ -23,6 +26,7 @@ def _command(name: str) -> Main:
     return main
 
 
+bringup = _command("bringup")
 compare = _command("compare")
 demonstrate = _command("demonstrate")
 experiment = _command("experiment")

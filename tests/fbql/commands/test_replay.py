@@ -1,4 +1,5 @@
-"""`scripts/replay.py` as a process, on a run that `scripts/bringup.py` recorded as a graph of processes."""
+"""`scripts/replay.py` as a process, on a run that `scripts/bringup.py` recorded as a graph of processes; and, in the test's
+own, on one that learned for longer."""
 
 from __future__ import annotations
 
@@ -12,7 +13,9 @@ import pytest
 from bringup_run import Run
 from commands import replay
 from fbql_common.wire import decode_decision
+from fbql_fusion.shipped import shipped_policy
 from fbql_recording import Message, open_run
+from recorded_match import record_match
 from rewritten_run import rewrite
 from run_directory_reader import summary_of
 
@@ -62,17 +65,12 @@ def flipped(message: Message, place: float, bit: int) -> bytes:
     return bytes(data)
 
 
-@pytest.mark.parametrize(
-    ("seed", "processes"), [(1, "many"), (2, "one"), pytest.param(3, "many", marks=pytest.mark.long)]
-)
-def test_of_a_run_that_learned_every_step_is_identical_and_a_flipped_bit_of_a_weight_is_named(
-    start, tmp_path, capsys, seed, processes
-):
-    match = ("--controller", "fbql", "--learn", "--episodes", "3", "--seed", str(seed))
-    bringup = start(*match, "--processes", processes)
-    assert bringup.exit_code() == 0, bringup.stderr
-    steps = [(step.episode, step.step) for step in open_run(bringup.out).steps()]
-    assert replay([str(bringup.out), "--verify", "--json"]) == 0
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_of_a_run_that_learned_every_step_is_identical_and_a_flipped_bit_of_a_weight_is_named(tmp_path, capsys, seed):
+    learning = {"controller": "fbql", "learn": True, "policy": shipped_policy(), "episodes": 3, "max_steps": 4000}
+    run = record_match(tmp_path / "run", seed=seed, **learning)
+    steps = [(step.episode, step.step) for step in open_run(run).steps()]
+    assert replay([str(run), "--verify", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["identical"], found["steps"], found["not_recomputed"]) == (True, len(steps), {})
 
@@ -86,7 +84,7 @@ def test_of_a_run_that_learned_every_step_is_identical_and_a_flipped_bit_of_a_we
         is_it = (decision.episode, decision.step) == steps[index]
         return flipped(message, place, bit) if is_it else message.data
 
-    copy = rewrite(bringup.out, tmp_path / "flipped", change)
+    copy = rewrite(run, tmp_path / "flipped", change)
     assert replay([str(copy), "--verify", "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
     difference = found["first_difference"]

@@ -22,7 +22,7 @@ ONE = ("--processes", "one")
 
 
 @pytest.mark.parametrize(
-    "name", ["simulator", "wall_avoiding", *(pytest.param(name, marks=pytest.mark.long) for name in BEHAVIORS[::2])]
+    "name", ["wall_avoiding", *(pytest.param(name, marks=pytest.mark.long) for name in ("simulator", *BEHAVIORS[::2]))]
 )
 def test_a_node_that_is_killed_ends_the_run_and_is_named(start: Start, name: str) -> None:
     run = start(*ENDLESS)
@@ -119,7 +119,7 @@ def test_a_node_that_never_comes_up_is_named_by_the_start_barrier(start: Start, 
 def test_a_node_of_the_same_name_in_the_domain_is_refused(start: Start, tmp_path: Path) -> None:
     with domain_coordinator.domain_id() as domain_id:
         environment = {"ROS_DOMAIN_ID": str(domain_id)}
-        first = start(*ENDLESS, *ONE, environment=environment)
+        first = start(*ENDLESS, *ONE, "--realtime", "2", "--max-steps", "30", environment=environment)
         first.until_playing()
         second = start("--episodes", "1", environment=environment)
         assert second.exit_code() == 2
@@ -184,4 +184,4 @@ def test_a_home_that_cannot_be_written_is_no_hindrance(start: Start, tmp_path: P
     run = start(*ONE, "--episodes", "1", "--max-steps", "30", environment=environment, before=before)
     assert run.exit_code() == 0, run.stderr
     assert list(home.iterdir()) == []
-    assert (run.out / "log/fusion.log").stat().st_size > 0
+    assert (run.out / "log/graph.log").stat().st_size > 0

@@ -25,7 +25,8 @@ SUBPROTOCOL = "foxglove.sdk.v1"
 PATIENCE_S = 60.0
 MESSAGE = struct.Struct("<BIQ")
 """opcode, subscription, log time"""
-MATCH = ("--realtime", "2", "--episodes", "2", "--max-steps", "400", "--seed", "3", "--foxglove", "0")
+ONE = ("--processes", "one")
+MATCH = (*ONE, "--realtime", "2", "--episodes", "2", "--max-steps", "300", "--seed", "3", "--foxglove", "0")
 
 
 def address_of(run: Run) -> str:
