@@ -30,9 +30,12 @@ def test_a_node_that_is_killed_ends_the_run_and_is_named(start: Start, name: str
     os.kill(run.nodes()[name], signal.SIGKILL)
     assert run.exit_code(END_S) == 1
     assert run.processes() == {}
-    assert f"bringup.py: node '{name}' was ended by SIGKILL; its output ({run.out}/log/{name}.log):\n" in run.stderr
-    assert f"[{name}]: " in run.stderr
     summary = summary_of(run.out)
+    played = f"{summary['goals']} of 100000 goals"
+    ending = f"bringup.py: node '{name}' was ended by SIGKILL after {played}; its output ({run.out}/log/{name}.log):\n"
+    assert ending in run.stderr
+    assert f"ENDED EARLY after {played}" in run.stdout
+    assert f"[{name}]: " in run.stderr
     assert finalised(run.out) == summary["messages_recorded"] >= 6 * summary["steps"] > 0
 
 

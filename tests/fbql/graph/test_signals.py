@@ -1,8 +1,11 @@
-"""Signals to bringup, at any time: everything ends within 5 s, the recording is finished, no process is left."""
+"""Signals to bringup and to its nodes, at any time: everything ends within 5 s, the recording is finished, no process is
+left, and nothing reads as if all had been played."""
 
 from __future__ import annotations
 
+import itertools
 import json
+import os
 import signal
 from collections.abc import Callable
 
@@ -12,7 +15,7 @@ from run_directory_reader import finalised, summary_of
 
 Start = Callable[..., Run]
 ENDLESS = ("--goals", "100000", "--seed", "1")
-SIGNALS = ((signal.SIGINT, "many"), (signal.SIGTERM, "one"), (signal.SIGHUP, "one"))
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def ended_well(run: Run) -> None:
@@ -26,14 +29,74 @@ def ended_well(run: Run) -> None:
     assert finalised(run.out) == summary["messages_recorded"] >= 6 * summary["steps"]
 
 
-@pytest.mark.parametrize(("number", "processes"), SIGNALS)
+@pytest.mark.parametrize(("number", "processes"), [(signal.SIGINT, "many"), (signal.SIGHUP, "one")])
 def test_a_signal_ends_the_run_with_all_that_was_played(start: Start, number: signal.Signals, processes: str) -> None:
     run = start(*ENDLESS, "--json", "--processes", processes)
     run.until_playing()
     run.send(number)
     ended_well(run)
-    assert f"ended by {number.name}" in run.stderr
-    assert json.loads(run.stdout) == summary_of(run.out)
+    summary = summary_of(run.out)
+    assert f"ended by {number.name} after {summary['goals']} of 100000 goals; what was played" in run.stderr
+    assert json.loads(run.stdout) == summary
+
+
+def test_a_signal_ends_the_graph_in_one_process(start: Start) -> None:
+    run = start(*ENDLESS, "--processes", "one")
+    run.until_playing()
+    run.send(signal.SIGTERM)
+    ended_well(run)
+    assert "ENDED EARLY after" in run.stdout
+    assert "success rate" not in run.stdout
+
+
+# Signals to a node, which it survives long enough to end in good order
+
+
+def failed_by_signal(run: Run, who: str, how: str) -> None:
+    """The run failed, said so with what had been played, and kept that."""
+    assert run.exit_code(END_S) == 1, run.stderr
+    assert run.processes() == {}
+    summary = summary_of(run.out)
+    played = f"{summary['episodes']} of 100000 episodes"
+    assert f"bringup.py: {who} was ended by {how} after {played}; its output (" in run.stderr
+    assert f"ENDED EARLY after {played}" in run.stdout
+    assert "success rate" not in run.stdout
+    assert finalised(run.out) == summary["messages_recorded"]
+
+
+MANY_EPISODES = ("--episodes", "100000", "--seed", "1")
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("fusion", signal.SIGTERM),
+        ("simulator", signal.SIGHUP),
+        ("wall_avoiding", signal.SIGINT),
+        *(
+            pytest.param(name, number, marks=pytest.mark.long)
+            for name, number in itertools.product(NODES, SIGNALS)
+            if (name, number)
+            not in {("fusion", signal.SIGTERM), ("simulator", signal.SIGHUP), ("wall_avoiding", signal.SIGINT)}
+        ),
+    ],
+)
+def test_a_signal_to_a_node_fails_the_run_and_is_named(start: Start, name: str, number: signal.Signals) -> None:
+    run = start(*MANY_EPISODES)
+    run.until_playing()
+    os.kill(run.nodes()[name], number)
+    failed_by_signal(run, f"node '{name}'", number.name)
+
+
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, *(pytest.param(each, marks=pytest.mark.long) for each in SIGNALS[1:])]
+)
+def test_a_signal_to_the_process_of_all_nodes_fails_the_run(start: Start, number: signal.Signals) -> None:
+    run = start(*MANY_EPISODES, "--processes", "one")
+    run.until_playing()
+    (graph,) = (pid for pid, line in run.processes().items() if "one_process" in line)
+    os.kill(graph, number)
+    failed_by_signal(run, "the process of all nodes", number.name)
 
 
 def test_a_second_signal_changes_nothing(start: Start) -> None:

@@ -26,6 +26,10 @@ from rclpy.utilities import remove_ros_args
 from fbql_common.core.errors import BadInput
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
+SUPERVISED = "FBQL_SUPERVISED"
+"""Environment variable that a supervisor sets for the processes it starts: one that a signal ends then returns 128 plus the
+signal's number, as a shell reports it, instead of 0, so that the supervisor can tell who was ended by what."""
+_SIGNAL_BASE = 128
 _PATIENCE_S = 0.2
 """How often the executor checks for signals [s]. Its spin() without a timeout never does (in these wheels)."""
 
@@ -58,19 +62,21 @@ class _Signals:
     """
 
     def __init__(self) -> None:
-        self.received = False
+        self.received = 0
+        """The first signal that came; 0 before."""
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._note)
 
-    def _note(self, _number: int, _frame: FrameType | None) -> None:
-        self.received = True
+    def _note(self, number: int, _frame: FrameType | None) -> None:
+        self.received = self.received or number
 
 
 def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | None = None) -> int:
     """Makes the nodes, spins them in one executor until one finishes or a signal arrives, and closes them.
 
     Returns:
-        0 when the work is done or a signal arrived, 2 on bad input, else the code that a node finished with.
+        0 when the work is done, 2 on bad input, else the code that a node finished with. When a signal arrived first: 0,
+        or 128 plus its number under a supervisor (see SUPERVISED).
     """
     signals = _Signals()
     words = list(sys.argv if args is None else args)
@@ -119,7 +125,19 @@ def _spin(executor: EventsExecutor, nodes: Sequence[GraphNode], signals: _Signal
     finally:
         for node in nodes:
             node.close()
-    return max((node.finished.result() for node in nodes if node.finished.done()), default=DONE)
+    on_signal = _SIGNAL_BASE + signals.received if signals.received and os.environ.get(SUPERVISED) else DONE
+    return max((node.finished.result() for node in nodes if node.finished.done()), default=on_signal)
+
+
+def how_ended(code: int) -> str:
+    """How a supervised process ended, in words, from its exit code as `subprocess` gives it."""
+    number = -code if code < 0 else code - _SIGNAL_BASE
+    if not 0 < number < signal.NSIG:
+        return f"ended with exit code {code}"
+    try:
+        return f"was ended by {signal.Signals(number).name}"
+    except ValueError:  # a real-time signal between the first and the last, which alone have names
+        return f"was ended by signal {number}"
 
 
 def refuse_security() -> None:

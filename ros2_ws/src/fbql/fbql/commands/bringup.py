@@ -32,7 +32,7 @@ from fbql.match.options import (
     policy_summary,
     same_options,
 )
-from fbql.match.result import next_steps, summary_text
+from fbql.match.result import Asked, next_steps, summary_text
 
 START_TIMEOUT_S = 30.0
 FOXGLOVE_PORT = 8765
@@ -122,10 +122,16 @@ def _report(match: Match, code: int, as_json: bool, line: LiveLine, interrupts: 
             command = f"{command_text('recover')} {shlex.quote(str(run))}"
             line.complain(f"{recorded} was not finished; {command} recovers its messages")
         return code or FAILED
-    if interrupts.came:
-        line.complain(f"ended by {interrupts.name}; what was played until then is complete")
     summary = json.loads(path.read_text())
-    text = summary_text(summary, run, match.simulation.dt_s, policy_summary(match))
+    asked = Asked(match.fusion.episodes, match.fusion.goals)
+    shortfall = asked.shortfall(summary["episodes"], summary["goals"])
+    if interrupts.came:
+        after = shortfall and f" after {shortfall}"
+        line.complain(f"ended by {interrupts.name}{after}; what was played until then is complete")
+    elif shortfall and code != FAILED:
+        line.complain(f"the match ended after {shortfall}, and nothing says why; see {run / 'log'}")
+        code = code or FAILED
+    text = summary_text(summary, run, match.simulation.dt_s, policy_summary(match), asked)
     text += f"\n{next_steps(summary, run, same_options(match), match.fusion.learn, controller_options(match))}"
     try:
         print_result(json.dumps(summary) if as_json else text)

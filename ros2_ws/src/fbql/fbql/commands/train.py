@@ -15,7 +15,7 @@ from fbql.cli.output import LiveLine, complain, print_result
 from fbql.cli.parser import Parser
 from fbql.match.in_process import play_match, status_of
 from fbql.match.options import match_from, match_parser, policy_summary
-from fbql.match.result import status_line, summary_text
+from fbql.match.result import Asked, status_line, summary_text
 
 LOG_EVERY_S = 10.0
 
@@ -40,6 +40,12 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
 
         match, _, summary = play_match(match, episode_ended=episode_ended)
     values = summary._asdict()
-    text = summary_text(values, match.out, match.simulation.dt_s, policy_summary(match))
+    asked = Asked(match.fusion.episodes, match.fusion.goals)
+    if interrupts.came:
+        shortfall = asked.shortfall(summary.episodes, summary.goals)
+        complain(
+            f"ended by {interrupts.name}{shortfall and f' after {shortfall}'}; what was played until then is complete"
+        )
+    text = summary_text(values, match.out, match.simulation.dt_s, policy_summary(match), asked)
     print_result(json.dumps(values) if arguments.json else text)
     return INCOMPLETE if summary.incomplete else DONE

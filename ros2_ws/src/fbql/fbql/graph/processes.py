@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, sleep
 
+from fbql_common.spin import SUPERVISED
+
 _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _TAIL_LINES = 15
@@ -70,7 +72,7 @@ def start(name: str, command: Sequence[str], environment: dict[str, str], log_di
     with log_file.open("wb") as output:
         popen = subprocess.Popen(
             list(command),
-            env=environment,
+            env={**environment, SUPERVISED: "1"},
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 from collections.abc import Mapping, Sequence
 from contextlib import closing, nullcontext
 from functools import partial
@@ -11,6 +10,7 @@ from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
 from fbql_common.core.errors import BadInput
+from fbql_common.spin import how_ended
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
@@ -20,7 +20,7 @@ from fbql.graph.domains import free_domain
 from fbql.graph.observer import Observer
 from fbql.graph.processes import NodeProcess, start, stop
 from fbql.match.options import Match
-from fbql.match.result import status_line
+from fbql.match.result import Asked, played_so_far, status_line
 
 if TYPE_CHECKING:  # it takes message packages that a bring-up without it need not load
     from fbql.graph.foxglove_live import FoxgloveLive
@@ -36,7 +36,15 @@ _STALLED_S = 30.0
 
 
 class GraphFailed(Exception):
-    """The graph failed; the text says how."""
+    """The graph failed; the text says how.
+
+    Args:
+        process: the process that ended, if that is the cause; its output is shown.
+    """
+
+    def __init__(self, text: str, process: NodeProcess | None = None) -> None:
+        super().__init__(text)
+        self.process = process
 
 
 class Supervision:
@@ -86,7 +94,7 @@ class Supervision:
             names = launch.node_names(match)
             how = "one process each" if self._mode.processes == "many" else "all in one process"
             self._line.say(f"bringing up {len(names)} nodes, {how}, in ROS_DOMAIN_ID={domain_id}")
-            code = DONE
+            failure: GraphFailed | None = None
             try:
                 self._start(commands, match, {**os.environ, "ROS_DOMAIN_ID": str(domain_id)})
                 self._wait_for_output()
@@ -95,17 +103,17 @@ class Supervision:
                         self._live.attach(observer, list(match.behaviors))
                     self._wait_for_graph(observer, match)
                     self._watch(observer, match)
-            except GraphFailed as failure:
-                self._line.complain(failure)
-                code = FAILED
+            except GraphFailed as error:
+                failure = error
             finally:
                 killed = stop(self._started)
                 self._line.close()
+        if failure is not None:
+            self._line.complain(_failure_text(failure, match))
         if killed:
             self._line.complain(f"did not end in time and had to be killed: {', '.join(killed)}")
-            code = FAILED
         completeness = self._completeness()
-        return code or completeness
+        return FAILED if failure is not None or killed else completeness
 
     def _start(self, commands: Mapping[str, Sequence[str]], match: Match, environment: dict[str, str]) -> None:
         for name, command in commands.items():
@@ -192,5 +200,13 @@ class Supervision:
             if code is None or (process is self._started[-1] and code in (DONE, INCOMPLETE)):
                 continue
             what = f"node '{process.name}'" if self._mode.processes == "many" else "the process of all nodes"
-            how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
-            raise GraphFailed(f"{what} {how}; its output ({process.log_file}):\n{process.tail()}")
+            raise GraphFailed(f"{what} {how_ended(code)}", process)
+
+
+def _failure_text(failure: GraphFailed, match: Match) -> str:
+    """What failed and how much was played until then, with the end of the output of the process that ended."""
+    shortfall = Asked(match.fusion.episodes, match.fusion.goals).shortfall(*played_so_far(match.out))
+    played = shortfall and f" after {shortfall}"
+    process = failure.process
+    shown = "" if process is None else f"; its output ({process.log_file}):\n{process.tail()}"
+    return f"{failure}{played}{shown}"

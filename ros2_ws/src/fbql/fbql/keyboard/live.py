@@ -8,7 +8,6 @@ not be known afterwards.
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -19,6 +18,7 @@ import yaml
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import WheelCommand, World
 from fbql_common.inputs import Input
+from fbql_common.spin import how_ended
 from fbql_common.topics import RESET_EPISODE, STEP_QOS, WHEEL_COMMAND, WORLD
 from fbql_common.wire import decode_world, encode_command
 from fbql_msgs.msg import WheelCommand as WheelCommandMsg
@@ -115,8 +115,7 @@ class LiveSimulator:
         """What is wrong; None while all is well."""
         code = self._process.exit_code
         if code is not None:
-            how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
-            return f"the simulator {how}; its output:\n{self._process.tail()}"
+            return f"the simulator {how_ended(code)}; its output:\n{self._process.tail()}"
         if self._refusal is not None:
             return f"the simulator refused to begin an episode: {self._refusal}"
         if not self.ready and monotonic() - self._started_s > PATIENCE_S:

@@ -6,10 +6,31 @@ import csv
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fbql.cli.places import command_text
 from fbql.cli.words import counted, percent
+
+
+class Asked(NamedTuple):
+    """How much was to be played, without guided episodes; 0: no limit. The limit that is reached first ends the match."""
+
+    episodes: int = 0
+    goals: int = 0
+
+    def shortfall(self, episodes: int, goals: int) -> str:
+        """How much of it these are, such as `9 of 40 episodes`; empty if they are all."""
+        if 0 < self.episodes <= episodes or 0 < self.goals <= goals:
+            return ""
+        parts = [f"{episodes} of {counted(self.episodes, 'episode')}"] if self.episodes else []
+        parts += [f"{goals} of {counted(self.goals, 'goal')}"] if self.goals else []
+        return " and ".join(parts)
+
+
+def played_so_far(run: Path) -> tuple[int, int]:
+    """The episodes that ended in a run directory, without guided ones, and the goals among them."""
+    rows = [row for row in _rows(run / "episodes.csv") if row.get("phase") != "guided"]
+    return len(rows), sum(row.get("outcome") == "goal" for row in rows)
 
 
 def status_line(status: Mapping[str, str], width: int | None = None) -> str:
@@ -26,7 +47,13 @@ def status_line(status: Mapping[str, str], width: int | None = None) -> str:
     return next((line for line in lines if width is None or len(line) <= width), lines[-1][:width])
 
 
-def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tuple[str, str] | None = None) -> str:
+def summary_text(
+    summary: Mapping[str, Any],
+    run: Path,
+    dt_s: float,
+    policy: tuple[str, str] | None = None,
+    asked: Asked = Asked(),  # noqa: B008 - immutable
+) -> str:
     """The summary as a newcomer reads it.
 
     Args:
@@ -34,6 +61,7 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tup
         dt_s: simulated time of one step [s].
         policy: the policy that the match started from, in one word and in a sentence; None for a controller that has
             none.
+        asked: what was to be played.
     """
     episodes, goals, rate = summary["episodes"], summary["goals"], summary["success_rate"]
     success = "" if rate is None else f", success rate {percent(rate)}"
@@ -56,7 +84,11 @@ def summary_text(summary: Mapping[str, Any], run: Path, dt_s: float, policy: tup
     ]
     if summary["incomplete"]:
         rows.append(("", "INCOMPLETE", f"some of the output could not be written; see {run / 'log'}"))
-    title = f"{summary['controller']}, seed {summary['seed']}: {counted(goals, 'goal')} in {counted(episodes, 'episode')}{success}"
+    title = f"{summary['controller']}, seed {summary['seed']}: "
+    if shortfall := asked.shortfall(episodes, goals):
+        title += f"ENDED EARLY after {shortfall}, {counted(goals, 'goal')}"
+    else:
+        title += f"{counted(goals, 'goal')} in {counted(episodes, 'episode')}{success}"
     lines = [f"  {name:<11} {value!s:>9}  {meaning}".rstrip() for name, value, meaning in rows]
     return "\n".join(["", title, "", *lines])
 
@@ -75,12 +107,17 @@ def _pace(summary: Mapping[str, Any], dt_s: float) -> str:
 
 def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
     """The row of the guided episodes, if there were any."""
+    count = sum(row.get("phase") == "guided" for row in _rows(episodes))
+    return [("guided", count, "episodes first; they count only in the lines below")] if count else []
+
+
+def _rows(episodes: Path) -> list[dict[str, str]]:
+    """The rows of an episodes.csv; none where it can't be read."""
     try:
         with episodes.open(newline="") as file:
-            count = sum(row["phase"] == "guided" for row in csv.DictReader(file))
-    except (OSError, KeyError):
+            return list(csv.DictReader(file))
+    except OSError:
         return []
-    return [("guided", count, "episodes first; they count only in the lines below")] if count else []
 
 
 def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: bool = True, controller: str = "") -> str:
