@@ -27,7 +27,8 @@ from fbql_recording.core.decoding import TYPES, MessageCodec
 from fbql_recording.core.episodes import Episode, episodes_of
 from fbql_recording.core.steps import Key, Step, StepData, StepJoin, key_of
 from fbql_recording.mcap.reader import Corrupt, McapFile, Message, Topic, Window
-from fbql_recording.run_files import RunFiles, find_files, mapping_from_yaml, read_inside
+from fbql_recording.plain_yaml import mapping_from_yaml
+from fbql_recording.run_files import RunFiles, find_files, read_inside
 
 _WORLD, _OUTPUT = "fbql_msgs/msg/WorldState", "fbql_msgs/msg/BehaviorOutput"
 _COMMAND, _DECISION = "fbql_msgs/msg/WheelCommand", "fbql_msgs/msg/FusionDecision"

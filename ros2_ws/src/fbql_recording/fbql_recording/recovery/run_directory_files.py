@@ -15,9 +15,10 @@ from mcap.records import Attachment
 
 from fbql_recording.core.metrics import Digest, EpisodeRecord, summarise
 from fbql_recording.core.steps import Step
+from fbql_recording.plain_yaml import mapping_from_yaml
 from fbql_recording.run import Run
 from fbql_recording.run_directory import custom_data
-from fbql_recording.run_files import mapping_from_yaml, read_inside
+from fbql_recording.run_files import read_inside
 
 SUMMARY = "summary.json"
 _MEDIA_TYPES = {CONFIG: "application/yaml", EPISODES: "text/csv", POLICY: "application/octet-stream"}
