@@ -1,7 +1,8 @@
 """YAML from outside, read as plain data: mappings, lists, texts, numbers, true, false and null, bounded in time and memory.
 
-We, rosbag2 and people write no more than that. Anchors, aliases, merge keys and tags are refused: a few of them make a
-small file endless, or run a constructor of their own. The names of a mapping are texts, whatever they look like.
+We, rosbag2 and people write no more than that. Tags and merge keys are refused: they run constructors of their own, or make
+a small file endless. Aliases, which rosbag2 wrote before Jazzy, count as what they stand for. The names of a mapping are
+texts, whatever they look like.
 """
 
 from __future__ import annotations
@@ -60,6 +61,10 @@ class _Reader:
     def __init__(self, text: str) -> None:
         self._events: Iterator[Any] = iter(yaml.parse(text, Loader=_LOADER))
         self._values = 0
+        self._deepest = 0
+        """Of the value that is being read."""
+        self._anchored: dict[str, tuple[Any, int, int]] = {}
+        """By anchor: a value, how many values are in it, how many levels it has below its own."""
 
     def document(self) -> Any:
         next(self._events)  # the stream's start
@@ -73,36 +78,58 @@ class _Reader:
         return value
 
     def _value(self, event: Any, depth: int) -> Any:
+        if isinstance(event, yaml.AliasEvent):
+            return self._alias(event, depth)
         self._check(event, depth)
+        before, outer, self._deepest = self._values, self._deepest, depth
         if isinstance(event, yaml.ScalarEvent):
-            return event.value if event.style else _plain(event)
-        if isinstance(event, yaml.SequenceStartEvent):
-            values: list[Any] = []
-            while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
-                values.append(self._value(event, depth + 1))
-            return values
+            value = event.value if event.style else _plain(event)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            value = self._list(depth + 1)
+        else:
+            value = self._mapping(depth + 1)
+        if event.anchor is not None:
+            self._anchored[event.anchor] = value, self._values - before + 1, self._deepest - depth
+        self._deepest = max(outer, self._deepest)
+        return value
+
+    def _alias(self, event: Any, depth: int) -> Any:
+        if event.anchor not in self._anchored:
+            raise BadInput(f"{_place(event)}: an alias of nothing, or of itself")
+        value, values, levels = self._anchored[event.anchor]
+        self._count(event, values, depth + levels)
+        self._deepest = max(self._deepest, depth + levels)
+        return value
+
+    def _list(self, depth: int) -> list[Any]:
+        values: list[Any] = []
+        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
+            values.append(self._value(event, depth))
+        return values
+
+    def _mapping(self, depth: int) -> dict[str, Any]:
         found: dict[str, Any] = {}
         while not isinstance(event := next(self._events), yaml.MappingEndEvent):
-            self._check(event, depth + 1)
-            name = event.value if isinstance(event, yaml.ScalarEvent) else None
-            if name is None or (name == "<<" and not event.style):
+            if not isinstance(event, yaml.ScalarEvent) or (event.value == "<<" and not event.style):
                 raise BadInput(f"{_place(event)}: a name that is no text")
-            if name in found:
-                raise BadInput(f"{_place(event)}: '{name[:100]}' is there twice")
-            found[name] = self._value(next(self._events), depth + 1)
+            self._check(event, depth)
+            if event.value in found:
+                raise BadInput(f"{_place(event)}: '{event.value[:100]}' is there twice")
+            found[event.value] = self._value(next(self._events), depth)
         return found
 
     def _check(self, event: Any, depth: int) -> None:
         """Raises BadInput for what plain data does not have, or too much of it."""
-        self._values += 1
-        if self._values > MAX_VALUES:
-            raise BadInput(f"more than {MAX_VALUES} values")
-        if depth > MAX_DEPTH:
-            raise BadInput(f"{_place(event)}: nested more than {MAX_DEPTH} deep")
-        if event.anchor is not None:
-            raise BadInput(f"{_place(event)}: anchors and aliases are not read")
+        self._count(event, 1, depth)
         if event.tag is not None:
             raise BadInput(f"{_place(event)}: tags are not read")
+
+    def _count(self, event: Any, values: int, depth: int) -> None:
+        self._values += values
+        if self._values > MAX_VALUES:
+            raise BadInput(f"{_place(event)}: more than {MAX_VALUES} values")
+        if depth > MAX_DEPTH:
+            raise BadInput(f"{_place(event)}: nested more than {MAX_DEPTH} deep")
 
 
 def _plain(event: Any) -> Any:

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import CONFIG, EPISODES, POLICY, TREES
 from fbql_common.core.types import Phase
 from fbql_common.files import write_atomically
@@ -127,9 +126,11 @@ class RunDirectoryFiles:
 def custom_data_of(config: bytes) -> dict[str, str] | None:
     """A recording's description of its run, from its configuration; None if that is not one of ours."""
     try:
-        return custom_data(mapping_from_yaml(config, CONFIG))
-    except (BadInput, KeyError, TypeError):
+        about = custom_data(mapping_from_yaml(config, CONFIG))
+        int(about["seed"])
+    except (ValueError, KeyError, TypeError):
         return None
+    return about
 
 
 def _incomplete(summary: bytes) -> bytes:
