@@ -22,7 +22,7 @@ setup(
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
         (f"share/{name}/policies", [f"{name}/policies/fbql.npz"]),
     ],
-    install_requires=["setuptools", "numpy", "PyYAML"],
+    install_requires=["setuptools", "numpy"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
     entry_points={"console_scripts": ["fusion = fbql_fusion.fusion_node:main"]},

@@ -24,6 +24,7 @@ from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from fbql_common.core.errors import BadInput
+from fbql_common.core.text import one_line
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 SUPERVISED = "FBQL_SUPERVISED"
@@ -102,7 +103,7 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
     except (BadInput, InvalidParameterTypeException) as error:
         return _fail(error)
     except NameValidationException as error:
-        return _fail(str(error).rstrip("^ \n"))
+        return _fail(" ".join(str(error).rstrip("^ \n").split()))
     finally:
         rclpy.try_shutdown()
 
@@ -177,7 +178,7 @@ def _ensure_log_directory() -> None:
                 f"no log can be written, neither to {where} ({error.strerror}) nor to {tempfile.gettempdir()}; "
                 "set ROS_LOG_DIR to a directory that can be written"
             ) from None
-        print(f"log directory {where}: {error.strerror}; using {os.environ['ROS_LOG_DIR']}", file=sys.stderr)
+        print(one_line(f"log directory {where}: {error.strerror}; using {os.environ['ROS_LOG_DIR']}"), file=sys.stderr)
 
 
 def _log_directory() -> Path | None:
@@ -190,5 +191,5 @@ def _log_directory() -> Path | None:
 
 
 def _fail(message: object) -> int:
-    print(" ".join(str(message).split()), file=sys.stderr)
+    print(one_line(message), file=sys.stderr)
     return BAD_INPUT

@@ -9,7 +9,6 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-import yaml
 from ament_index_python.packages import get_package_share_directory
 from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import (
@@ -23,11 +22,13 @@ from fbql_common.core.recording_names import (
     TREES,
 )
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from fbql_common.files import read_file
 from fbql_common.own_code import split_source
 from fbql_common.topics import DECISION, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.wire import type_name
 from fbql_recording.bag_metadata import qos_of
 from fbql_recording.message_definitions import schema_text, type_hash
+from fbql_recording.plain_yaml import mapping_from_yaml
 from fbql_recording.recorder import Attachment, Channel, Recorder
 from fbql_recording.run_directory import (
     RunDirectory,
@@ -37,6 +38,7 @@ from fbql_recording.run_directory import (
     own_revision,
     software_versions,
 )
+from fbql_recording.run_files import MAX_TEXT_BYTES
 
 from fbql_fusion.core.session import Session
 from fbql_fusion.node_parameters import FusionNodeParameters
@@ -176,8 +178,11 @@ def _config(parameters: FusionNodeParameters, session: Session, launcher_file: s
     parameter file."""
     nodes: dict[str, Any] = {}
     if launcher_file:
-        document = yaml.safe_load(Path(launcher_file).read_text())
-        nodes = {name.lstrip("/"): section["ros__parameters"] for name, section in document.items()}
+        document = mapping_from_yaml(read_file(Path(launcher_file), MAX_TEXT_BYTES), launcher_file)
+        try:
+            nodes = {name.lstrip("/"): dict(section["ros__parameters"]) for name, section in document.items()}
+        except (KeyError, TypeError, ValueError):
+            raise BadInput(f"{launcher_file}: not the parameters of nodes (NAME: ros__parameters: ...)") from None
     nodes["fusion"] = {**asdict(session.parameters), **asdict(parameters)}
     return {
         "versions": software_versions(),

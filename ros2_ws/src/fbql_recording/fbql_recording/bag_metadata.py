@@ -7,6 +7,9 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import yaml
+from fbql_common.core.errors import BadInput
+
+from fbql_recording.plain_yaml import from_yaml
 
 INFINITE_NS = 2**63 - 1
 """An infinite duration [ns], as DDS represents it."""
@@ -76,9 +79,9 @@ def profiles_from_text(text: str) -> list[dict[str, Any]]:
     They must otherwise stay unchanged: readers match a topic of the file to metadata.yaml by them.
     """
     try:
-        profiles = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)) or []
+        profiles = from_yaml(text, "offered_qos_profiles") or []
         return [{name: _in_words(name, value) for name, value in profile.items()} for profile in profiles]
-    except (yaml.YAMLError, AttributeError, TypeError, IndexError):
+    except (BadInput, AttributeError, TypeError, IndexError):
         return []
 
 

@@ -27,7 +27,8 @@ from fbql_recording.core.decoding import TYPES, MessageCodec
 from fbql_recording.core.episodes import Episode, episodes_of
 from fbql_recording.core.steps import Key, Step, StepData, StepJoin, key_of
 from fbql_recording.mcap.reader import Corrupt, McapFile, Message, Topic, Window
-from fbql_recording.run_files import RunFiles, find_files, mapping_from_yaml, read_inside
+from fbql_recording.plain_yaml import mapping_from_yaml
+from fbql_recording.run_files import RunFiles, find_files, read_inside
 
 _WORLD, _OUTPUT = "fbql_msgs/msg/WorldState", "fbql_msgs/msg/BehaviorOutput"
 _COMMAND, _DECISION = "fbql_msgs/msg/WheelCommand", "fbql_msgs/msg/FusionDecision"
@@ -61,11 +62,12 @@ class Run:
         self._information = files.information
         self._warnings = list(files.warnings)
         self._skip_corrupt = skip_corrupt
-        self._mcaps = [McapFile(path, skip_corrupt) for path in self.files]
+        self._mcaps: list[McapFile] = []
         self.topics: dict[str, Topic] = {}
         """Every recorded topic, by name."""
-        for mcap in self._mcaps:
-            for topic in mcap.topics.values():
+        for path in self.files:
+            self._mcaps.append(McapFile(path, skip_corrupt, self.topics))
+            for topic in self._mcaps[-1].topics.values():
                 self.topics.setdefault(topic.name, topic)
         self.attachments: dict[str, bytes] = {}
         """Files inside the recording (config.yaml, trees/NAME.json, policy_before.npz, policy.npz), by name."""
@@ -74,6 +76,7 @@ class Run:
         self._left_out: dict[str, int] = {}
         self._repeated = 0
         self._places = _Places(self.topics, namespace, str(self.files[0]))
+        self._warnings += self._places.left_out
         self.config: dict[str, Any] = self._config()
         """config.yaml: versions, git_revision, parameters of each node. Empty where the recording has none."""
         self.behaviors = self._behaviors()
@@ -104,8 +107,7 @@ class Run:
     @property
     def parameters(self) -> dict[str, dict[str, Any]]:
         """Parameters in force, by node; empty where the recording has none."""
-        found = self.config.get("parameters")
-        return found if isinstance(found, dict) else {}
+        return self.config.get("parameters", {})
 
     @property
     def summary(self) -> dict[str, Any] | None:
@@ -141,7 +143,7 @@ class Run:
                     f"{mcap.path}: cut off at byte {damage.cut_off_at} of {mcap.size}; "
                     f"the complete part, {count} messages, is used"
                 )
-            lines += [f"{mcap.path}: left out: {what}" for what in damage.chunks.values()]
+            lines += [f"{mcap.path}: left out: {what}" for what in (*mcap.left_out.values(), *damage.chunks.values())]
             lines += [f"{mcap.path}: left out at byte {at}: {what}" for at, what in damage.other.items()]
         lines += [f"{self.path}: left out {count} messages of {topic}" for topic, count in self._left_out.items()]
         return lines
@@ -297,7 +299,14 @@ class Run:
         data = self.attachments.get(CONFIG)
         if data is None and self.directory is not None:
             data = read_inside(self.directory, "config.yaml")
-        return {} if data is None else mapping_from_yaml(data, f"{self.path}: config.yaml")
+        where = f"{self.path}: config.yaml"
+        config = {} if data is None else mapping_from_yaml(data, where)
+        nodes = config.get("parameters", {})
+        if not isinstance(nodes, dict) or not all(isinstance(values, dict) for values in nodes.values()):
+            raise BadInput(f"{where}: 'parameters' is not a mapping of nodes to their parameters")
+        if not isinstance(config.get("versions", {}), dict):
+            raise BadInput(f"{where}: 'versions' is not a mapping of packages to versions")
+        return config
 
     def _seeds(self) -> dict[int, int]:
         """Seed of each episode, from episodes.csv in the recording, else in the directory."""
@@ -315,17 +324,20 @@ class _Places:
     """Which topics hold the messages of a step, and how they are decoded."""
 
     def __init__(self, topics: dict[str, Topic], namespace: str | None, where: str) -> None:
-        self.topics = [topic for topic in topics.values() if topic.type_name in TYPES and _is_in(topic.name, namespace)]
+        ours = [topic for topic in topics.values() if topic.type_name in TYPES and _is_in(topic.name, namespace)]
+        self.topics = [topic for topic in ours if topic.kind[1:] == ("cdr", "ros2msg")]
+        self.left_out = [
+            f"{where}: left out: topic {topic.name} is recorded as '{topic.message_encoding}' by a "
+            f"'{topic.schema_encoding}' schema; only cdr by ros2msg is read"
+            for topic in ours
+            if topic not in self.topics
+        ]
+        """Topics of ours that can't be read, in words."""
         self.behaviors: dict[str, str] = {}
         """Topic of each behavior that was recorded, by the behavior's name."""
         self._single: dict[str, str] = {}
         self.codecs: dict[str, MessageCodec[Any]] = {}
         for topic in self.topics:
-            if topic.message_encoding != "cdr" or topic.schema_encoding != "ros2msg":
-                raise BadInput(
-                    f"{where}: topic {topic.name} is recorded as {topic.message_encoding} by a {topic.schema_encoding} "
-                    "schema; only cdr by ros2msg is read"
-                )
             if topic.type_name == _OUTPUT:
                 name = topic.name.rpartition("/")[2]
                 clash = self.behaviors.setdefault(name, topic.name)

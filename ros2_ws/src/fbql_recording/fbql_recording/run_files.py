@@ -10,9 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import yaml
 from fbql_common.core.errors import BadInput
 from fbql_common.files import read_file
+
+from fbql_recording.plain_yaml import mapping_from_yaml
 
 MAX_TEXT_BYTES = 16 * 2**20
 """Largest metadata.yaml, config.yaml or similar file that is read."""
@@ -71,17 +72,6 @@ def read_inside(directory: Path, name: str) -> bytes | None:
     if not path.is_file():
         return None
     return read_file(path, MAX_TEXT_BYTES)
-
-
-def mapping_from_yaml(data: bytes, where: str) -> dict[str, Any]:
-    """The mapping in a YAML text. Raises BadInput."""
-    try:
-        found = yaml.load(data, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        raise BadInput(f"{where}: not YAML ({str(error).partition(chr(10))[0]})") from None
-    if not isinstance(found, dict):
-        raise BadInput(f"{where}: not a mapping of names to values")
-    return found
 
 
 def _in_directory(directory: Path) -> RunFiles:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
@@ -13,11 +12,12 @@ from typing import Any
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupted, Interrupts
 from fbql.cli.missing import what_is_missing
-from fbql.cli.output import warn
+from fbql.cli.output import print_result, say, warn
 from fbql.cli.parser import Parser
 from fbql.cli.places import RUNS
 from fbql.statistics.tables import Table, as_markdown, as_text
 from fbql_common.core.errors import BadInput
+from fbql_common.core.text import as_lines
 from fbql_common.files import write_atomically
 from fbql_recording.run_directory import own_revision
 
@@ -60,7 +60,7 @@ def run(options: Any, interrupts: Interrupts) -> int:
         page = "\n\n".join(f"{title}\n\n{as_markdown(each)}" for title, each in shown.items())
         write_atomically(out / "tables.md", f"{page}\n".encode())
         files = _figures(study, results, out)
-    print(text if options.json else _as_text(summary, shown, files))
+    print_result(text if options.json else _as_text(summary, shown, files))
     return FAILED if failed else DONE
 
 
@@ -107,24 +107,21 @@ def _run(options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Int
     waiting = [task for task in tasks if store.result_of(task.key) is None]
     done = len(tasks) - len(waiting)
     if done:
-        print(f"{done} of {len(tasks)} tasks are already done", file=sys.stderr)
+        say(f"{done} of {len(tasks)} tasks are already done")
     if not waiting:
         return
     revision = own_revision()
     if done and not store.revisions():
         store.add_revision("unknown")
     if done and store.revisions() != [revision]:
-        print(
-            "note: they were done by another revision of the project; choose another --out to run all tasks again",
-            file=sys.stderr,
-        )
+        say("note: they were done by another revision of the project; choose another --out to run all tasks again")
     begun_s = monotonic()
     for count, ended in enumerate(_task_ends(options, store, waiting, interrupts), start=1):
         left_s = (monotonic() - begun_s) / count * (len(waiting) - count)
         if not ended.failure:
             store.add_revision(revision)
         state = f"FAILED: {ended.failure}" if ended.failure else f"done, about {left_s:.0f} s left"
-        print(f"[{done + count}/{len(tasks)}] {ended.key} {state}", file=sys.stderr, flush=True)
+        say(f"[{done + count}/{len(tasks)}] {ended.key} {state}")
 
 
 def _task_ends(options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Interrupts) -> Iterator[TaskEnd]:
@@ -139,7 +136,7 @@ def _task_ends(options: Any, store: Store, tasks: Sequence[StudyTask], interrupt
 
 def _as_text(summary: Mapping[str, Any], shown: Mapping[str, Table], figures: Sequence[Path]) -> str:
     lines = [f"{title}\n\n{as_text(each)}\n" for title, each in shown.items() if each.body] or ["no results"]
-    lines += [f"{summary['done']} of {summary['tasks']} tasks; results in {summary['out']}: tables.md and table.json"]
-    lines += [f"FAILED {key}: {reason}" for key, reason in summary["failed"].items()]
-    lines += [f"figure {file}" for file in figures if file.suffix == ".svg"]
-    return "\n".join(lines)
+    notes = [f"{summary['done']} of {summary['tasks']} tasks; results in {summary['out']}: tables.md and table.json"]
+    notes += [f"FAILED {key}: {reason}" for key, reason in summary["failed"].items()]
+    notes += [f"figure {file}" for file in figures if file.suffix == ".svg"]
+    return "\n".join([*lines, as_lines(notes)])

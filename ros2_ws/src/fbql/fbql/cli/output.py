@@ -1,4 +1,8 @@
-"""What a command prints: its result on stdout, everything else on stderr, progress as one live line."""
+"""What a command prints: its result on stdout, everything else on stderr, progress as one live line.
+
+Nothing from a file, an argument or a name reaches a terminal raw: a line is printed with everything escaped that is not
+printable, and characters that the stream's encoding lacks.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import monotonic
 from typing import TextIO
+
+from fbql_common.core.text import as_lines, one_line
 
 from fbql.cli.exit_codes import BAD_INPUT, FAILED
 
@@ -29,7 +35,7 @@ def set_program(name: str) -> None:
 
 def say(text: str) -> None:
     """Prints a line for people on stderr. A terminal that was closed is no error."""
-    _write(sys.stderr, f"{text}\n")
+    write(sys.stderr, f"{one_line(text)}\n")
 
 
 def complain(text: object) -> None:
@@ -44,9 +50,13 @@ def warn(warnings: Iterable[str]) -> None:
 
 
 def print_result(text: str) -> None:
-    """Prints on stdout. A reader that left (`| head`, a closed terminal) is no error; raises OSError for others."""
+    """Prints on stdout, in one line or several of our own: what others named, and might
+    hold a newline, goes through `one_line` or `as_lines` before.
+
+    A reader that left (`| head`, a closed terminal) is no error; raises OSError for others.
+    """
     try:
-        print(text, flush=True)
+        print(_encodable(as_lines(text.split("\n")), sys.stdout), flush=True)
     except OSError as error:
         _silence(sys.stdout)
         if error.errno not in (errno.EPIPE, errno.EIO):
@@ -84,11 +94,11 @@ class LiveLine:
             return
         self._shown_s = now
         if not self._is_terminal:
-            _write(self._stream, f"{text if isinstance(text, str) else text(None)}\n")
+            write(self._stream, f"{one_line(text if isinstance(text, str) else text(None))}\n")
             return
         width = self._width() - 3  # room for the ^C that the terminal writes behind the line
-        line = text[:width] if isinstance(text, str) else text(width)
-        _write(self._stream, f"\r{line.ljust(len(self._line))}")
+        line = one_line(text)[:width] if isinstance(text, str) else one_line(text(width))
+        write(self._stream, f"\r{line.ljust(len(self._line))}")
         self._line = line
 
     def say(self, text: str) -> None:
@@ -104,7 +114,7 @@ class LiveLine:
     def close(self) -> None:
         """Erases the live line, or keeps it and moves to the next line."""
         if self._line:
-            _write(self._stream, "\n" if self._keep else f"\r{' ' * len(self._line)}\r")
+            write(self._stream, "\n" if self._keep else f"\r{' ' * len(self._line)}\r")
             self._line = ""
 
     def _width(self) -> int:
@@ -132,12 +142,19 @@ def writing(path: Path | str) -> Generator[None]:
         raise Unwritable(path, error) from None
 
 
-def _write(stream: TextIO, text: str) -> None:
+def write(stream: TextIO, text: str) -> None:
+    """Writes text that is escaped. A terminal that was closed is no error."""
     try:
-        stream.write(text)
+        stream.write(_encodable(text, stream))
         stream.flush()
     except OSError:
         _silence(stream)
+
+
+def _encodable(text: str, stream: TextIO) -> str:
+    """The text with what the stream's encoding lacks escaped."""
+    encoding = stream.encoding or "utf-8"
+    return text.encode(encoding, "backslashreplace").decode(encoding)
 
 
 def _silence(stream: TextIO) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from fbql_common.core.parameters import limits_of, types_of
+from fbql_common.core.text import one_line
 
 from fbql.cli.exit_codes import BAD_INPUT
+from fbql.cli.output import write
 
 RUN_HELP = "run directory, ROS 2 bag (MCAP), or .mcap file"
 
@@ -20,7 +23,10 @@ class Parser(argparse.ArgumentParser):
         super().__init__(allow_abbrev=False, **options)
 
     def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"{self.prog}: {message} (see --help)\n")
+        self.exit(BAD_INPUT, f"{one_line(f'{self.prog}: {message} (see --help)')}\n")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        write(file or sys.stderr, message)
 
 
 class Help(argparse.ArgumentDefaultsHelpFormatter):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fbql_common.core.errors import BadInput
+from fbql_common.core.text import as_lines
 from fbql_common.files import write_atomically
 from fbql_recording import open_run
 
@@ -94,10 +95,10 @@ def _values(results: Sequence[RunResult], groups: Sequence[Group], pairs: Sequen
 def _words(results: Sequence[RunResult], groups: Sequence[Group], pairs: Sequence[Pair], notes: Sequence[str]) -> str:
     letters = _letters(groups)
     parts = [rows_as_text([{"group": letters.get(each.name, "-"), **each.row} for each in results])]
-    parts.append("\n".join(f"{group.letter}: {group.label}" for group in groups))
+    parts.append(as_lines(f"{group.letter}: {group.label}" for group in groups))
     parts.append(rows_as_text([_short_row(group) for group in groups]))
     parts += [_pair_words(pair) for pair in pairs]
-    return "\n\n".join([*parts, "\n".join(notes)] if notes else parts)
+    return "\n\n".join([*parts, as_lines(notes)] if notes else parts)
 
 
 def _short_row(group: Group) -> dict[str, Any]:

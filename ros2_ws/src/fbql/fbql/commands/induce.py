@@ -19,6 +19,7 @@ from fbql_behaviors.demonstration_storage import load_demonstrations
 from fbql_behaviors.storage import save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import types_of
+from fbql_common.core.text import as_lines
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
@@ -177,7 +178,7 @@ def _words(result: dict[str, Any]) -> str:
     if result["rmse_levels"] is not None:
         error = f"{result['rmse_levels']:.2f} levels, {result['rmse_rad_s']:.1f} rad/s"
     value = "not finite: it diverged" if result["root_value"] is None else f"{result['root_value']:.4f} nat"
-    return "\n".join(
+    return as_lines(
         (
             f"{counted(result['leaves'], 'leaf', 'leaves')} from {counted(result['patterns'], 'pattern')} in {result['seconds']:.3f} s",
             f"  held-out error of the wheel velocities   {error}",

@@ -9,6 +9,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from fbql_common.core.text import as_lines
 from fbql_recording import Gap, Recovery, recover
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
@@ -98,7 +99,7 @@ def _words(found: Recovery) -> str:
         lines.append(f"lost in total, at least: {sum(found.messages_lost.values())} messages ({topics})")
     if found.is_complete:
         lines.append("nothing is lost")
-    return "\n".join([*lines, f"recording  {found.path}"])
+    return as_lines([*lines, f"recording  {found.path}"])
 
 
 def _gap(gap: Gap) -> str:

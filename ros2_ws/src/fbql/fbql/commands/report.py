@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fbql_common.core.errors import BadInput
+from fbql_common.core.text import as_lines
 from fbql_recording import Run, open_run
 from fbql_recording.tables import FORMATS, write_episodes, write_steps
 
@@ -114,4 +115,4 @@ def _figures(run: Run, episodes: Any, directory: Path, progress: Callable[[int],
 def _words(found: dict[str, Any]) -> str:
     size = f"{found['bytes'] / 1e6:.1f} MB"
     page = f"report {found['path']} ({size}; {found['steps']} steps, {found['episodes']} episodes)"
-    return "\n".join([page, *(f"file {file}" for file in found["files"])])
+    return as_lines([page, *(f"file {file}" for file in found["files"])])

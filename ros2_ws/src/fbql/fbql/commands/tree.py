@@ -18,6 +18,7 @@ from fbql_behaviors.drawing.partition import partition_svg
 from fbql_behaviors.sklearn_trees import from_arrays
 from fbql_behaviors.storage import MAX_BYTES, json_from_bytes, load_tree, save_tree, tree_to_bytes
 from fbql_common.core.errors import BadInput
+from fbql_common.core.text import one_line
 from fbql_common.files import read_file
 
 from fbql.cli.exit_codes import DONE
@@ -102,7 +103,7 @@ def _check(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_result(json.dumps({"behavior": tree.behavior, "leaves": tree.leaf_count, "sha256": tree.hash}))
     else:
-        print_result(f"{arguments.file}: sound. {_summary(tree)}")
+        print_result(one_line(f"{arguments.file}: sound. {_summary(tree)}"))
     return DONE
 
 
@@ -130,7 +131,7 @@ def _import(arguments: argparse.Namespace) -> int:
         raise BadInput(f"{arguments.file}: {error}") from None
     with writing(arguments.out):
         save_tree(arguments.out, tree)
-    print_result(f"{arguments.out}: {_summary(tree)}")
+    print_result(one_line(f"{arguments.out}: {_summary(tree)}"))
     return DONE
 
 

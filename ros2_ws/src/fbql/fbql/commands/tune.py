@@ -17,6 +17,7 @@ from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, types_of
+from fbql_common.core.text import as_lines
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
@@ -98,7 +99,7 @@ def _words(result: dict[str, Any]) -> str:
     change = result["after"] - result["before"]
     low, high = result["difference_low"], result["difference_high"]
     interval = "" if low is None else f" (95 %: {low:+.1f} to {high:+.1f})"
-    return "\n".join(
+    return as_lines(
         (
             f"{result['leaves_changed']} of {counted(result['leaves'], 'leaf', 'leaves')} changed, "
             f"after {result['steps']} steps in {result['seconds']:.1f} s",

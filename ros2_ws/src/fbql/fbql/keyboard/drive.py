@@ -233,5 +233,5 @@ def _stderr_to(file: Path) -> Generator[None]:
         sys.stderr.flush()
         os.dup2(kept, 2)
         os.close(kept)
-        if text := file.read_text(errors="replace"):
-            say(text.rstrip())
+        for line in file.read_text(errors="replace").splitlines():
+            say(line)

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from fbql_common.core.text import as_lines
+
 from fbql.cli.places import command_text
 from fbql.cli.words import counted, percent
 
@@ -90,7 +92,7 @@ def summary_text(
     else:
         title += f"{counted(goals, 'goal')} in {counted(episodes, 'episode')}{success}"
     lines = [f"  {name:<11} {value!s:>9}  {meaning}".rstrip() for name, value, meaning in rows]
-    return "\n".join(["", title, "", *lines])
+    return as_lines(["", title, "", *lines])
 
 
 def _number(value: float | None) -> str:
@@ -152,4 +154,5 @@ def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: boo
     elif summary["messages_recorded"]:
         meaning = f"what was recorded, if ROS 2 is installed; Foxglove opens its {run.name}_0.mcap"
         steps.append((f"ros2 bag info {place}", meaning))
-    return "\n".join(["", "Next:", *(f"  {command}\n      {meaning}" for command, meaning in steps)])
+    lines = [line for command, meaning in steps for line in (f"  {command}", f"      {meaning}")]
+    return as_lines(["", "Next:", *lines])

@@ -21,10 +21,13 @@ from fbql_common.core.errors import BadInput
 from fbql_common.spin import refuse_security
 from fbql_common.topics import CLOCK
 from fbql_recording import Message, Run, Topic
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
+from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
 
 from fbql.cli.interrupts import Interrupts
@@ -36,6 +39,8 @@ from fbql.terminal.screen import RawTerminal
 
 NODE = "replay"
 NS = 1_000_000_000
+_LAST_NS = 2**31 * NS - 1
+"""Latest time of a ROS message, whose seconds have 32 bits [ns]."""
 _LOOK_S = 0.02
 _TWIN_S = 1.0
 """How long a domain that the user names is watched for other publishers of the same topics [s]."""
@@ -99,13 +104,19 @@ class _Window:
         if run.start_ns is None or run.end_ns is None:
             raise BadInput(f"{run.path}: it has no messages; there is nothing to replay")
         self.start_ns = run.start_ns + round(arguments.start * NS)
-        self.end_ns = run.end_ns + 1
+        self.end_ns = min(run.end_ns, _LAST_NS) + 1
+        late = (
+            f"{run.path}: it has messages with a log time of more than {_LAST_NS / NS:.0f} s, which no ROS clock shows"
+        )
+        if run.start_ns > _LAST_NS:
+            raise BadInput(f"{late}, and no others")
+        if run.end_ns > _LAST_NS:
+            warn([f"{late}; they are left out"])
         if arguments.duration is not None:
             self.end_ns = min(self.end_ns, self.start_ns + round(arguments.duration * NS))
-        if self.start_ns > run.end_ns:
-            raise BadInput(
-                f"--start {arguments.start:g}: the recording is {(run.end_ns - run.start_ns) / NS:.3f} s long"
-            )
+        if self.start_ns > min(run.end_ns, _LAST_NS):
+            length_s = (min(run.end_ns, _LAST_NS) - run.start_ns) / NS
+            raise BadInput(f"--start {arguments.start:g}: the recording is {length_s:.3f} s long")
         self.words = f"{(self.end_ns - 1 - self.start_ns) / NS:.1f} s"
         self.words += f" at {arguments.rate:g} times real time" if arguments.rate else " as fast as possible"
 
@@ -148,7 +159,7 @@ class Stage:
         """Topics that can't be published."""
         for topic in topics:
             try:
-                self._outlets[topic.name] = Outlet(self._node, message_class(topic), topic.name, qos_of(topic))
+                self._outlets[topic.name] = self._outlet(topic)
             except BadInput as error:
                 warn([f"left out: {error}"])
                 self.left_out.append(topic.name)
@@ -161,6 +172,18 @@ class Stage:
         if clock and CLOCK not in self._outlets:
             self._clock = Outlet(self._node, Clock, CLOCK, QoSProfile(depth=_DEPTH))
         self._clock_ns = -1
+
+    def _outlet(self, topic: Topic) -> Outlet:
+        """Raises BadInput for a topic that can't be published."""
+        try:
+            validate_full_topic_name(topic.name)
+            return Outlet(self._node, message_class(topic), topic.name, qos_of(topic))
+        except NameValidationException as error:
+            reason = str(error).partition(":\n")[0]
+            raise BadInput(f"topic '{topic.name}': {reason}") from None
+        except (RCLError, TypeError, OverflowError, RuntimeError) as error:
+            reason = str(error).strip().partition("\n")[0]
+            raise BadInput(f"{topic.name}: it can't be published as it was recorded ({reason})") from None
 
     @property
     def names(self) -> list[str]:

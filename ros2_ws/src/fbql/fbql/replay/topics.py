@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from copy import copy
 from importlib import import_module
@@ -9,7 +10,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-import yaml
+from ament_index_python import get_resource
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
@@ -17,6 +18,7 @@ from fbql_common.topics import BALL_POSE, POSE_QOS, ROBOT_POSE, STEP_QOS, WALL_P
 from fbql_recording import Run, Topic
 from fbql_recording.bag_metadata import INFINITE_NS
 from fbql_recording.message_definitions import essence, schema_text, type_hash
+from fbql_recording.plain_yaml import from_yaml
 from fbql_sim.views import markers_msg, pose_msgs
 from geometry_msgs.msg import PoseStamped
 from rclpy.duration import Duration
@@ -26,6 +28,9 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProf
 from visualization_msgs.msg import MarkerArray
 
 MARKERS = "simulator/markers"
+_INTERFACES = "rosidl_interfaces"
+"""The resource of the ament index that lists a package's messages."""
+_MESSAGE_TYPE = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 _WORLD_TYPE = "fbql_msgs/msg/WorldState"
 _POSES = (ROBOT_POSE, BALL_POSE, WALL_POSE)
 _LOOK_S = 0.25
@@ -33,20 +38,25 @@ _LOOK_S = 0.25
 
 
 def message_class(topic: Topic) -> type[Any]:
-    """The message class of a recorded topic.
+    """The message class of a recorded topic. Nothing is imported but an installed message package that has the type.
 
     Raises:
-        BadInput: it is not installed, or installed with other fields than were recorded: subscribers would misread the
-            recorded bytes.
+        BadInput: it is no message type, not installed, or installed with other fields than were recorded: subscribers
+            would misread the recorded bytes.
     """
-    package, _, name = topic.type_name.split("/")
+    if topic.message_encoding != "cdr":
+        raise BadInput(f"{topic.name} is recorded as '{topic.message_encoding}', not as cdr")
+    match = _MESSAGE_TYPE.fullmatch(topic.type_name)
+    if match is None:
+        raise BadInput(f"{topic.name}: '{topic.type_name}' is not a message type of ROS 2 (PACKAGE/msg/NAME)")
+    package, name = match.groups()
     try:
-        if topic.message_encoding != "cdr":
-            raise BadInput(f"{topic.name} is recorded as {topic.message_encoding}, not as cdr")
-        found: type[Any] = getattr(import_module(f"{package}.msg"), name)
+        if not {f"msg/{name}.msg", f"msg/{name}.idl"} & set(get_resource(_INTERFACES, package)[0].split()):
+            raise LookupError
         if not _is_as_recorded(topic):
             raise BadInput(f"{topic.name}: {topic.type_name} was recorded with another definition than is installed")
-    except (ImportError, AttributeError, PackageNotFoundError):
+        found: type[Any] = getattr(import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError, LookupError, OSError, PackageNotFoundError):
         raise BadInput(f"{topic.name}: message type {topic.type_name} is not installed here") from None
     return found
 
@@ -58,7 +68,7 @@ def qos_of(topic: Topic) -> QoSProfile:
     """
     text = topic.metadata.get("offered_qos_profiles", "")
     try:
-        profiles = yaml.safe_load(text)
+        profiles = from_yaml(text, "offered_qos_profiles")
         if not profiles:
             return copy(STEP_QOS)  # profiles are mutable, and this one is shared
         offered: dict[str, Any] = profiles[0]
@@ -75,8 +85,9 @@ def qos_of(topic: Topic) -> QoSProfile:
             liveliness=_policy(LivelinessPolicy, offered["liveliness"]),
             liveliness_lease_duration=_duration(offered["liveliness_lease_duration"]),
         )
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise BadInput(f"{topic.name}: the recorded quality of service can't be read ({error!r})") from None
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+        reason = error if isinstance(error, BadInput) else repr(error)
+        raise BadInput(f"{topic.name}: the recorded quality of service can't be read ({reason})") from None
 
 
 def _is_as_recorded(topic: Topic) -> bool:

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
+from fbql_common.core.text import as_lines
 from fbql_common.core.types import BehaviorOutput, World
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.session import Session
@@ -314,4 +315,4 @@ def _words(
         lines.append(f"not compared: everything from {found.gap} on, because messages before it are lost")
     if found.unfinished:
         lines.append("the last step before the cut is incomplete and was not compared")
-    return "\n".join([*lines, *notes])
+    return as_lines([*lines, *notes])

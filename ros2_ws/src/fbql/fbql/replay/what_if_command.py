@@ -16,6 +16,7 @@ from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import defaults_of, from_mapping, types_of
+from fbql_common.core.text import as_lines
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.parameters import FROM_PRESET, FusionParameters, check_fusion, unused_parameters
 from fbql_fusion.core.policy import Policy
@@ -81,7 +82,7 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
         episodes = [each.values for each in tallies.episodes]
         print_result(json.dumps({**values, **tallies.whole.values, "episodes": episodes, "notes": notes}))
     else:
-        print_result("\n".join([f"what if: {title}", *_words(tallies.whole), *_rows(tallies), *notes]))
+        print_result(as_lines([f"what if: {title}", *_words(tallies.whole), *_rows(tallies), *notes]))
     return 0
 
 

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from traceback import extract_tb
 
+from fbql_common.core.text import one_line
+
+_MOST = 5000
+"""Longest message [characters]; a path has up to 4096 bytes."""
+
 
 class BadInput(ValueError):
     """A request that cannot be carried out as given.
 
     The message is one line for a person: what is wrong, where, what to do. Programs print it and
-    exit with code 2.
+    exit with code 2. What it quotes of a file, an argument or a name is escaped, and shortened if it is very long.
     """
+
+    def __init__(self, text: object) -> None:
+        line = one_line(text)
+        super().__init__(line if len(line) <= _MOST else f"{line[:_MOST]} ... ({len(line)} characters)")
 
 
 def in_one_line(error: BaseException, file: str = "") -> str:

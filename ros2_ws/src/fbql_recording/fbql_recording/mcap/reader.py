@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -62,23 +62,34 @@ class Topic:
     name: str
     type_name: str
     schema: str
-    """The message definition (ros2msg text)."""
+    """The message definition: ros2msg text; in another encoding bytes that are not UTF-8 are escaped (surrogateescape)."""
     metadata: dict[str, str]
     """`offered_qos_profiles`, `topic_type_hash`, if they are recorded."""
     message_encoding: str
     schema_encoding: str
 
+    @property
+    def kind(self) -> tuple[str, str, str]:
+        """What its messages are."""
+        return self.type_name, self.message_encoding, self.schema_encoding
+
 
 def topic_of(channel: Channel, schema: Schema | None) -> Topic:
-    """The topic of a channel and its schema. Raises UnicodeDecodeError: the schema is not text."""
+    """The topic of a channel and its schema. Raises UnicodeDecodeError: the schema should be text and is not."""
+    errors = "strict" if schema is not None and schema.encoding == "ros2msg" else "surrogateescape"
     return Topic(
         channel.topic,
         "" if schema is None else schema.name,
-        "" if schema is None else schema.data.decode(),
+        "" if schema is None else schema.data.decode(errors=errors),
         channel.metadata,
         channel.message_encoding,
         "" if schema is None else schema.encoding,
     )
+
+
+def _kind_words(kind: tuple[str, str, str]) -> str:
+    type_name, message_encoding, schema_encoding = kind
+    return f"'{type_name}' ({message_encoding or 'no encoding'} by {schema_encoding or 'no schema'})"
 
 
 @dataclass
@@ -109,6 +120,7 @@ class Window:
     """Log times before this [ns]."""
 
 
+_CDR = "cdr"
 EVERYTHING = Window()
 Mark = Callable[[str, dict[str, str]], None]
 """Called with the name and values of each Metadata record."""
@@ -120,17 +132,20 @@ class McapFile:
     Args:
         path: the file.
         skip_corrupt: whether damage is left out and counted instead of raised.
+        known: topics of the same recording, by name, that an earlier file has.
 
     Raises:
         BadInput: no such file, not MCAP, or of a profile other than ros2.
         Corrupt: damaged.
     """
 
-    def __init__(self, path: Path, skip_corrupt: bool = False) -> None:
+    def __init__(self, path: Path, skip_corrupt: bool = False, known: Mapping[str, Topic] | None = None) -> None:
         self.path = path
         self.damage = Damage()
         self.topics: dict[int, Topic] = {}
         """By channel id."""
+        self.left_out: dict[int, str] = {}
+        """Channels that are not read, with the reason: messages of another kind under the name of another topic."""
         self.attachments: dict[str, bytes] = {}
         self.metadata: dict[int, tuple[str, dict[str, str]]] = {}
         """Metadata records, name and values, by their position in bytes."""
@@ -144,6 +159,7 @@ class McapFile:
         """Whether the file is complete."""
         self._skip_corrupt = skip_corrupt
         self._schemas: dict[int, Schema] = {}
+        self._kinds = {name: topic.kind for name, topic in (known or {}).items()}
         if path.exists() and not path.is_file():
             raise BadInput(f"{path}: not a file")
         with self._open() as file:
@@ -325,9 +341,28 @@ class McapFile:
         except UnicodeDecodeError:
             self._complain(at, f"the schema of topic {record.topic} is not a text")
             return
+        if record.id in self.left_out or self._is_of_another_kind(record.id, topic):
+            return
         if self.topics.setdefault(record.id, topic) != topic:
             self._complain(at, f"channel {record.id} is described twice, and differently")
             self.topics[record.id] = topic if has_crc else self.topics[record.id]
+
+    def _is_of_another_kind(self, channel: int, topic: Topic) -> bool:
+        """Whether a topic of this name has messages of another kind, which are the ones to be read: the first, or CDR."""
+        kind = self._kinds.setdefault(topic.name, topic.kind)
+        if channel in self.topics or kind == topic.kind:
+            return False
+        others = [channel]
+        if _CDR in topic.kind[1:] and _CDR not in kind[1:]:
+            others = [number for number, other in self.topics.items() if other.name == topic.name]
+            self._kinds[topic.name], kind = topic.kind, topic.kind
+        for number in others:
+            other = self.topics.pop(number, topic)
+            self.left_out[number] = (
+                f"topic {topic.name} is recorded as {_kind_words(kind)} and as {_kind_words(other.kind)}; "
+                "the latter is not read"
+            )
+        return channel in self.left_out
 
     def _read_chunk(self, body: bytes, at: int, number: int, window: Window) -> Iterator[Message]:
         where = f"chunk {number} (at byte {at})"
@@ -364,6 +399,9 @@ class McapFile:
         try:
             for channel_id, sequence, log_ns, publish_ns, begin, end in messages_in(data, describe):
                 if channel_id not in known:
+                    if channel_id in self.left_out:
+                        known[channel_id] = "", "", False
+                        continue
                     described = self.topics.get(channel_id)
                     if described is None:
                         self._complain(at, f"a message of channel {channel_id}, which is not described")

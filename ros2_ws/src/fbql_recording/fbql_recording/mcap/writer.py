@@ -85,7 +85,7 @@ class McapWriter:
             key = channel.type_name, channel.schema_encoding, channel.schema_text
             if key not in ids:
                 ids[key] = len(ids) + 1
-                text = channel.schema_text.encode()
+                text = channel.schema_text.encode(errors="surrogateescape")
                 self._schemas.append(Schema(ids[key], text, channel.schema_encoding, channel.type_name))
             metadata = dict(channel.metadata)
             self._channels.append(Channel(number, channel.topic, channel.message_encoding, metadata, ids[key]))

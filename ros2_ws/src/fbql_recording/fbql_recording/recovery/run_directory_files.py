@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import CONFIG, EPISODES, POLICY, TREES
 from fbql_common.core.types import Phase
 from fbql_common.files import write_atomically
@@ -15,9 +14,10 @@ from mcap.records import Attachment
 
 from fbql_recording.core.metrics import Digest, EpisodeRecord, summarise
 from fbql_recording.core.steps import Step
+from fbql_recording.plain_yaml import mapping_from_yaml
 from fbql_recording.run import Run
 from fbql_recording.run_directory import custom_data
-from fbql_recording.run_files import mapping_from_yaml, read_inside
+from fbql_recording.run_files import read_inside
 
 SUMMARY = "summary.json"
 _MEDIA_TYPES = {CONFIG: "application/yaml", EPISODES: "text/csv", POLICY: "application/octet-stream"}
@@ -126,9 +126,11 @@ class RunDirectoryFiles:
 def custom_data_of(config: bytes) -> dict[str, str] | None:
     """A recording's description of its run, from its configuration; None if that is not one of ours."""
     try:
-        return custom_data(mapping_from_yaml(config, CONFIG))
-    except (BadInput, KeyError, TypeError):
+        about = custom_data(mapping_from_yaml(config, CONFIG))
+        int(about["seed"])
+    except (ValueError, KeyError, TypeError):
         return None
+    return about
 
 
 def _incomplete(summary: bytes) -> bytes:

@@ -512,11 +512,14 @@ class Scan:
             elif known.setdefault(key, record) != record:
                 contradicted.add(key)
         for (kind, number), channel in known.items():
-            key = Schema, getattr(channel, "schema_id", 0)
+            if not isinstance(channel, Channel):
+                continue
+            key = Schema, channel.schema_id
             schema = known.get(key)
-            if isinstance(channel, Channel) and isinstance(schema, Schema) and not contradicted & {key, (kind, number)}:
+            is_described = channel.schema_id == 0 or isinstance(schema, Schema)  # 0: a topic without a schema
+            if is_described and not contradicted & {key, (kind, number)}:
                 try:
-                    self.topics[number] = topic_of(channel, schema)
+                    self.topics[number] = topic_of(channel, schema if isinstance(schema, Schema) else None)
                 except UnicodeDecodeError:
                     self.notes.append(f"topic {channel.topic}: the definition of its messages is not a text")
 

@@ -8,13 +8,13 @@ and torch are an optional extra (`peers`): without them its rows read "not insta
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fbql.cli.output import say
 from fbql.statistics.inference import Resamples
 from fbql.statistics.runs import Runs, method_row, ratio, runs_by_method
 from fbql.statistics.tables import Row, Table, mean_of, number
@@ -68,7 +68,7 @@ def tasks(options: argparse.Namespace) -> list[StudyTask]:
     learners = LEARNERS
     if find_spec(EXTRA) is None:
         learners = tuple(method for method in LEARNERS if method not in NEED_PPO)
-        print(f"left out: {'; '.join(NEED_PPO)} ({NOT_INSTALLED})", file=sys.stderr)
+        say(f"left out: {'; '.join(NEED_PPO)} ({NOT_INSTALLED})")
     sets = range(options.trees)
     given = {"steps": options.steps, "episodes": options.episodes}
     found = [

@@ -1,0 +1,22 @@
+"""Text of others on its way to a terminal, a log or an error: shown, never acted on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+def one_line(text: object) -> str:
+    """The text as one line that a terminal shows as it is.
+
+    Whatever is not printable is escaped as in a Python string: control characters and newlines, which would forge
+    lines or colours; marks that turn the direction of writing; half of a surrogate pair, which can't be encoded.
+    """
+    line = str(text)
+    if line.isprintable():
+        return line
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+
+
+def as_lines(lines: Iterable[object]) -> str:
+    """The texts as lines, each as `one_line`."""
+    return "\n".join(map(one_line, lines))

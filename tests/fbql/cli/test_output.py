@@ -1,0 +1,81 @@
+"""Whatever a command prints is made of whole printable lines, in the encoding of its stream."""
+
+from __future__ import annotations
+
+import io
+import os
+import pty
+import subprocess
+import sys
+from collections.abc import Callable
+
+import pytest
+from fbql.cli.output import LiveLine, complain, print_result, say, warn
+from fbql.cli.parser import Parser
+
+FORGED = "x\nfbql: all is well\x1b[2J\u202e\ud800\r"
+SHOWN = "x\\nfbql: all is well\\x1b[2J\\u202e\\ud800\\r"
+
+
+@pytest.mark.parametrize(
+    "show",
+    [
+        lambda: say(FORGED),
+        lambda: complain(FORGED),
+        lambda: warn([FORGED]),
+        lambda: LiveLine(log_every_s=0.0).show(FORGED),
+        lambda: LiveLine(log_every_s=0.0).show(lambda _width: FORGED),
+        lambda: LiveLine().say(FORGED),
+        lambda: LiveLine().complain(FORGED),
+    ],
+)
+def test_a_line_on_stderr_stays_one_line(show: Callable[[], None], capsys: pytest.CaptureFixture[str]) -> None:
+    show()
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert SHOWN in err
+
+
+def test_a_result_has_only_the_lines_that_are_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+    print_result("a\x1b[31m\nb\u202e\r")
+    assert capsys.readouterr().out == "a\\x1b[31m\nb\\u202e\\r\n"
+
+
+def test_a_live_line_on_a_terminal_is_escaped() -> None:
+    master, slave = pty.openpty()
+    with os.fdopen(slave, "w") as terminal:
+        LiveLine(terminal).show(FORGED)
+        shown = os.read(master, 1000).decode()
+    os.close(master)
+    assert shown == f"\r{SHOWN}"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[FORGED], ["--x", FORGED], [f"--{FORGED}"], ["--kind", FORGED], ["--", "--json", FORGED]],
+    ids=["word", "number", "option", "choice", "after --"],
+)
+def test_a_usage_error_is_one_printable_line(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    parser = Parser(prog=FORGED)
+    parser.add_argument("--x", type=int)
+    parser.add_argument("--kind", choices=("a", "b"))
+    with pytest.raises(SystemExit) as ended:
+        parser.parse_args(arguments)
+    out, err = capsys.readouterr()
+    assert (ended.value.code, out, err.count("\n")) == (2, "", 1)
+    assert err[:-1].isprintable()
+
+
+def test_what_an_encoding_lacks_is_escaped(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", stream)
+    print_result("grün 球")
+    assert stream.buffer.getvalue() == b"gr\\xfcn \\u7403\n"  # type: ignore[attr-defined]
+
+
+def test_help_is_printed_in_ascii_too() -> None:
+    code = "import sys; from fbql.cli.app import main; sys.exit(main(['bringup', '--help']))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, env={**os.environ, "PYTHONIOENCODING": "ascii"}, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, b"")

@@ -1,0 +1,35 @@
+"""Text of others is shown, and never acted on."""
+
+from __future__ import annotations
+
+import pytest
+from fbql_common.core.errors import BadInput
+from fbql_common.core.text import as_lines, one_line
+
+FORGED = "x\nall is well\r\x1b[2J\x1b]0;title\x07\u202etxt\u2066\u200b\ud800\x00\x7f\x9b\u2028"
+
+
+def test_printable_text_stays_as_it_is():
+    for text in ("", "/runs/a b", "grün 球", "\\n", "a·b – 100 %"):
+        assert one_line(text) == text
+
+
+def test_what_a_terminal_acts_on_is_escaped():
+    shown = one_line(FORGED)
+    assert shown.isprintable()
+    assert shown == r"x\nall is well\r\x1b[2J\x1b]0;title\x07\u202etxt\u2066\u200b\ud800\x00\x7f\x9b\u2028"
+
+
+def test_of_several_lines_each_stays_one():
+    assert as_lines(["a\nb", "c", 1]) == "a\\nb\nc\n1"
+
+
+def test_bad_input_is_one_printable_line_of_bounded_length():
+    assert str(BadInput(f"{FORGED}: no such file")).isprintable()
+    assert str(BadInput(BadInput("a\nb"))) == "a\\nb"
+    assert len(str(BadInput("x" * 10**7))) < 6000
+
+
+@pytest.mark.parametrize("text", [FORGED, FORGED.encode("utf-8", "replace").decode()])
+def test_an_escaped_text_can_be_encoded(text):
+    one_line(text).encode()
