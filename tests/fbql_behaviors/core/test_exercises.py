@@ -77,6 +77,22 @@ def test_near_a_wall_the_way_off_it_counts_twice_and_the_way_towards_it_not_at_a
     assert wall_avoiding_reward(near, nearer, DT_S) == pytest.approx(0.0)
 
 
+def test_beyond_20_centimetres_no_distance_from_a_wall_is_gained_or_lost() -> None:
+    """Two steps of 1 cm away from a wall at y = 0.9 m; the nearer part of the second counts."""
+    inside, edge, outside = world(robot_y_m=0.705), world(robot_y_m=0.695), world(robot_y_m=0.685)
+    assert wall_avoiding_reward(inside, edge, DT_S) == pytest.approx(0.015 / FULL_STEP_M)
+    assert wall_avoiding_reward(edge, outside, DT_S) == pytest.approx(0.010 / FULL_STEP_M)
+    assert wall_avoiding_reward(outside, edge, DT_S) == pytest.approx(0.010 / FULL_STEP_M)
+    assert wall_avoiding_reward(edge, inside, DT_S) == pytest.approx(0.005 / FULL_STEP_M)
+
+
+def test_the_prices_of_an_exercise_are_these() -> None:
+    """Every tuned tree depends on them: a change of one belongs into the changelog."""
+    assert (FACING_STEPS, CONTACT_STEPS, OWN_GOAL_STEPS) == (12.0, 10.0, 300.0)
+    assert (TAKE_OVER_M, WANDER_RAD_S) == (0.1, 60.0)
+    assert pytest.approx(88.0 * 0.02) == FULL_SPEED_M_S
+
+
 def test_each_step_in_contact_costs_the_same() -> None:
     assert wall_avoiding_reward(world(), world(collision=True), DT_S) == -CONTACT_STEPS
     assert wall_avoiding_reward(world(), world(collision=True, collision_begun=True), DT_S) == -CONTACT_STEPS

@@ -140,3 +140,95 @@ def test_a_long_curve_is_thinned_and_keeps_its_ends() -> None:
     places = re.findall(r'points="([^"]*)"', svg)[0].split()
     assert 1000 <= len(places) <= 1001
     assert (places[0].split(",")[0], places[-1].split(",")[0]) == ("64", "624")
+
+
+def texts_of(svg: str) -> list[tuple[str, float, float]]:
+    """Each text with its place; that along the y axis has none of its own."""
+    return [
+        (each.text or "", float(each.attrib["x"]), float(each.attrib["y"]))
+        for each in ElementTree.fromstring(svg).iter(f"{SVG}text")
+    ]
+
+
+def size_of(svg: str) -> tuple[float, float]:
+    root = ElementTree.fromstring(svg)
+    assert root.attrib["viewBox"] == f"0 0 {root.attrib['width']} {root.attrib['height']}"
+    return float(root.attrib["width"]), float(root.attrib["height"])
+
+
+def test_a_question_of_a_graph_has_the_unit_of_its_feature() -> None:
+    features = (*FEATURES, Feature("count", "", 0.0, 9.0))
+    nodes = (Split(0, 1.25, 1, 2), Split(1, pi / 6, 3, 4), Split(2, 2.5, 5, 6), 0, 1, 2, 3)
+    dot = to_dot(Tree("ball_seeking", features, nodes, tuple(Leaf(1.0, 2.0, 7) for _ in range(4))))
+    assert re.findall(r"n\d+ \[label=\"(.*\?)\"\];", dot) == [
+        "ball_distance < 1.25 m?",
+        "ball_bearing < 30 degrees?",
+        "count < 2.5?",
+    ]
+
+
+def test_a_curve_fills_its_frame_but_for_a_margin_of_8_percent_and_fits_into_the_picture() -> None:
+    svg = curve_svg("Learning", [(0.0, 2.0), (5.0, 4.0), (10.0, 3.0)], "trial", "value", ("best", 4.5))
+    [points] = re.findall(r'points="([^"]*)"', svg)
+    places = np.array([place.split(",") for place in points.split()], float)
+    # 2.0 .. 4.5 and 0.2 at each end are the 240 pixels from 34 to 274
+    assert places == pytest.approx(np.array([(64.0, 257.45), (344.0, 91.93), (624.0, 174.69)]), abs=0.02)
+    assert size_of(svg) == (64.0 + 560.0 + 120.0, 34.0 + 240.0 + 48.0)
+    assert texts_of(svg)[0] == ("Learning", 64.0, 20.0)
+    assert texts_of(svg)[-1][:2] == ("best", 632.0)
+    assert texts_of(svg)[-1][2] == pytest.approx(50.55 + 4.0, abs=0.02)
+
+
+def test_a_level_alone_and_a_flat_curve_have_a_margin_of_their_own() -> None:
+    alone = curve_svg("", [], "x", "y", ("level", 2.0))
+    [y] = [float(y) for y in re.findall(r'y1="([^"]*)"[^>]*dasharray', alone)]
+    assert y == pytest.approx(154.0), "in the middle"
+    flat = curve_svg("", [(1.0, 0.0), (2.0, 0.0)], "x", "y")
+    assert 'points="64,154 624,154"' in flat
+
+
+def test_the_parts_of_a_partition_fit_into_its_picture() -> None:
+    tree = load_tree(shipped_trees() / "ball_seeking.json")
+    svg = partition_svg(tree)
+    motions = [motion.value for motion in Motion if motion in {rule.motion for rule in rules(tree)}]
+    legend = [(*each,) for each in texts_of(svg) if each[1] == 578.0]
+    assert legend == [(word, 578.0, 42.0 + 24.0 * row + 13.0) for row, word in enumerate(motions)]
+    assert ("paler: slower", 554.0, 42.0 + 24.0 * len(motions) + 13.0) in texts_of(svg)
+    assert size_of(svg) == (64.0 + 470.0 + 20.0 + 200.0, 400.0 + 34.0 + 48.0)
+    assert texts_of(svg)[0][1:] == (64.0, 20.0)
+
+
+def test_a_picture_of_a_strip_has_room_for_its_legend() -> None:
+    features = (Feature("x", "m", 0.0, 2.0),)
+    nodes = (Split(0, 0.5, 1, 2), 0, Split(0, 1.0, 3, 4), 1, Split(0, 1.5, 5, 6), 2, Split(0, 1.75, 7, 8), 3, 4)
+    wheels = ((50.0, 50.0), (-50.0, -50.0), (50.0, -50.0), (-50.0, 50.0), (0.0, 0.0))
+    tree = Tree("any", features, nodes, tuple(Leaf(left, right, 1) for left, right in wheels))
+    svg = partition_svg(tree, np.array([[0.5], [3.0]]))
+    boxes = [[float(r.attrib[key]) for key in ("x", "y", "width", "height")] for r in rectangles(svg)]
+    assert boxes[:2] == [[64.0, 34.0, 117.5, 60.0], [181.5, 34.0, 117.5, 60.0]]
+    assert boxes[-1] == [475.25, 34.0, 58.75, 60.0]
+    assert "M181.5 64.0h0M534.0 64.0h0" in svg
+    motions = len({rule.motion for rule in rules(tree)})
+    assert motions == 5
+    last = texts_of(svg)[-1]
+    assert last == ("paler: slower", 554.0, 42.0 + 24.0 * motions + 13.0)
+    assert size_of(svg)[1] == 34.0 + 24.0 * (motions + 1) > last[2], "a strip alone is 142 high"
+
+
+def test_cuts_stand_below_each_other() -> None:
+    features = tuple(Feature(f"x{k}", "m", 0.0, 1.0) for k in range(3))
+    tree = Tree("any", features, (Split(0, 0.5, 1, 2), 0, 1), (Leaf(1.0, 1.0, 1), Leaf(9.0, -9.0, 1)))
+    svg = partition_svg(tree)
+    frames = [each for each in ElementTree.fromstring(svg).iter(f"{SVG}rect") if each.attrib["fill"] == "none"]
+    assert [float(each.attrib["y"]) for each in frames] == [34.0, 34.0 + 482.0, 34.0 + 2 * 482.0]
+    assert size_of(svg) == (754.0, 3 * 482.0)
+
+
+def test_angles_are_shown_in_degrees_with_ticks_at_45_where_there_is_room() -> None:
+    wide = Feature("ball_bearing", "rad", -pi, pi)
+    narrow = Feature("tilt", "rad", -pi / 6, pi / 6)
+    tree = Tree("any", (wide, narrow), (Split(0, 0.0, 1, 2), 0, 1), (Leaf(1.0, 1.0, 1), Leaf(9.0, -9.0, 1)))
+    words = [word for word, *_ in texts_of(partition_svg(tree))]
+    assert words[1:10] == ["-180", "-135", "-90", "-45", "0", "45", "90", "135", "180"]
+    assert words[10:17] == ["-30", "-20", "-10", "0", "10", "20", "30"]
+    assert words[17:19] == ["ball bearing [degrees]", "tilt [degrees]"]

@@ -12,7 +12,7 @@ from fbql_recording.core.decoding import MessageCodec
 from fbql_recording.core.episodes import episodes_of
 from fbql_recording.core.ros2msg import fields_of
 from fbql_recording.core.steps import Step, StepData, StepJoin, key_of
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from places import ROOT
 
@@ -147,22 +147,79 @@ def test_no_bytes_are_taken_for_a_key_by_mistake(data):
 # Steps
 
 
-@given(st.lists(st.integers(0, 40), min_size=17, max_size=17), st.integers(3, 6))
-def test_messages_that_are_late_by_less_than_the_window_give_whole_steps(delays, messages):
-    """Each message is late by up to 40 others, which is 14 steps at most; the window is 16."""
-    sent = [(step, place) for step in range(60) for place in range(messages)]
-    arrival = sorted(range(len(sent)), key=lambda index: index + delays[index % len(delays)])
+WINDOW = 16
+"""Newer steps that have begun, after which a step is no longer waited for."""
+
+
+def joined(arrival: list[tuple[int, int]], messages: int) -> tuple[list[StepData], int]:
+    """The steps that come of messages (step, place) in this order, and how many messages were left out."""
     join = StepJoin(messages)
     out: list[StepData] = []
-    for index in arrival:
-        step, place = sent[index]
+    for step, place in arrival:
         join.add(place, (step, 0, step), bytes([step, place]))
         out += join.ready()
     out += join.rest()
-    assert sorted(step.step for step in out) == list(range(60))
+    return out, join.repeated
+
+
+def delayed(delays: list[int], messages: int) -> list[tuple[int, int]]:
+    """The messages of 60 steps, each late by so many others."""
+    sent = [(step, place) for step in range(60) for place in range(messages)]
+    return [sent[i] for i in sorted(range(len(sent)), key=lambda i: i + delays[i % len(delays)])]
+
+
+def within_the_window(arrival: list[tuple[int, int]]) -> dict[int, set[int]]:
+    """The places of each step that must be kept, from the rule alone: fewer than WINDOW newer steps have begun between
+    the step's first message and this one."""
+    began: dict[int, int] = {}
+    for index, (step, _) in enumerate(arrival):
+        began.setdefault(step, index)
+    kept: dict[int, set[int]] = {}
+    for index, (step, place) in enumerate(arrival):
+        newer = [other for other, first in began.items() if other > step and began[step] < first < index]
+        if len(newer) < WINDOW:
+            kept.setdefault(step, set()).add(place)
+    return kept
+
+
+@given(st.lists(st.integers(0, 120), min_size=17, max_size=17), st.integers(3, 6))
+@example(delays=[2, 0, 0, 38, 0, 0, 0, 0, 0, 10, 9, 8, 7, 6, 5, 4, 3], messages=3)
+def test_a_message_is_kept_until_as_many_newer_steps_as_the_window_have_begun(delays, messages):
+    arrival = delayed(delays, messages)
+    out, repeated = joined(arrival, messages)
+    assert [step.step for step in out] == list(dict.fromkeys(step for step, _ in arrival))
+    got = {step.step: {place for place in range(messages) if step.data[place]} for step in out}
+    for step, places in within_the_window(arrival).items():
+        assert places <= got[step], f"step {step} lost a message"
     for step in out:
-        assert step.data == [bytes([step.step, place]) for place in range(messages)]
-    assert join.repeated == 0
+        assert all(data in (b"", bytes([step.step, place])) for place, data in enumerate(step.data))
+    assert sum(map(len, got.values())) + repeated == len(arrival)
+
+
+def test_older_steps_that_come_late_do_not_shorten_the_window():
+    older = [(step, place) for step in range(1, 40) for place in (0, 1)]
+    newer = [(step, place) for step in range(51, 50 + WINDOW) for place in (0, 1)]
+    out, repeated = joined([(50, 0), *older, *newer, (50, 1)], 2)
+    assert next(step.data for step in out if step.step == 50) == [bytes([50, 0]), bytes([50, 1])]
+    assert repeated == 0
+
+
+def test_a_step_is_no_longer_waited_for_when_as_many_newer_ones_as_the_window_have_begun():
+    join = StepJoin(2)
+    for step in range(WINDOW):
+        join.add(0, (step, 0, step), b"a")
+        assert list(join.ready()) == []
+    join.add(0, (WINDOW, 0, WINDOW), b"a")
+    assert [step.step for step in join.ready()] == [0]
+
+
+def test_steps_whose_time_only_goes_backward_are_not_collected_without_end():
+    join = StepJoin(2)
+    waiting = 0
+    for step in range(5000, 0, -1):
+        join.add(0, (step, 0, step), b"a")
+        waiting += 1 - len(list(join.ready()))
+        assert waiting <= 256
 
 
 def test_a_second_message_of_a_kind_is_left_out_and_counted_even_when_it_is_late():

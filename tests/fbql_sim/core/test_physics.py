@@ -201,6 +201,41 @@ def test_a_pushed_ball_moves_along_with_the_robot() -> None:
     assert physics.ball_y_m == pytest.approx(0.0, abs=1e-6)
 
 
+# Contacts
+
+
+def test_the_step_in_which_a_robot_comes_to_a_wall_is_a_step_in_contact() -> None:
+    physics = robot_alone(0.9, 0.5, 0.0)
+    while not physics.robot_touched_wall:
+        before = physics.robot_x_m
+        physics.step(88, 88)
+    assert before + HALF_ROBOT < HALF_LENGTH - physics.robot_speed_m_s * DEFAULTS.dt_s / 2, "it was still on its way"
+    assert physics.robot_x_m + HALF_ROBOT == pytest.approx(HALF_LENGTH, abs=0.001)
+
+
+def test_a_touch_that_begins_and_ends_within_a_step_is_a_contact() -> None:
+    """A robot that turns beside a wall grazes it with its corner: in some steps only between two worlds."""
+    physics = robot_alone(0.0, HALF_WIDTH - HALF_ROBOT * 2**0.5 + 0.0001, 0.0)
+    touched: list[bool] = []
+    for _ in range(240):
+        physics.step(-20, 20)
+        touched.append(physics.robot_touched_wall)
+    assert any(touched)
+    assert not all(touched)
+
+
+def test_a_robot_pressed_against_a_wall_is_in_contact_in_every_step_and_in_none_after_a_reset() -> None:
+    physics = robot_alone(0.95, 0.5, 0.0)
+    drive(physics, 60, 60, 60)
+    for _ in range(60):
+        physics.step(60, 60)
+        assert physics.robot_touched_wall
+    physics.reset(Start(0.0, 0.0, 0.0, 0.5, 0.0))
+    assert not physics.robot_touched_wall
+    physics.step(0, 0)
+    assert not physics.robot_touched_wall
+
+
 # Walls hold, and let go
 
 WALL_PLACES = [

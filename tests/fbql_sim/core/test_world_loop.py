@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import hashlib
 import os
 import random
 import subprocess
@@ -15,6 +16,7 @@ from fbql_common.core.field import MAX_WHEEL_RAD_S
 from fbql_common.core.types import World
 from fbql_sim.core.arena import closest_wall_point
 from fbql_sim.core.parameters import SimulationParameters
+from fbql_sim.core.scripted_law import law
 from fbql_sim.core.world_loop import WorldLoop
 
 DEFAULTS = SimulationParameters()
@@ -202,6 +204,22 @@ def test_scraping_along_a_wall_is_one_collision() -> None:
         steps_in_contact += world.collision
     assert steps_in_contact > 10
     assert begun == 1
+
+
+def test_the_contacts_of_fixed_seeds_are_pinned() -> None:
+    """No digest of a match covers them, but collisions are counted from them and rewards are made of them."""
+    loop, flags = WorldLoop(), hashlib.sha256()
+    begun = steps_in_contact = steps = 0
+    for seed in range(20):
+        world = loop.reset(seed, seed)
+        while not world.ended:
+            world = loop.step(*law(world))
+            steps += 1
+            begun += world.collision_begun
+            steps_in_contact += world.collision
+            flags.update(bytes([world.collision, world.collision_begun]))
+    assert (begun, steps_in_contact, steps) == (40, 204, 7457)
+    assert flags.hexdigest() == "03c63236e9879f5f1ea1defc0622de0747cf576bd03fde971d7bea1df57c35b8"
 
 
 def test_wall_contact_means_the_robot_is_at_a_wall() -> None:

@@ -117,6 +117,17 @@ def test_the_guides_failures_are_not_imitated(seed: int) -> None:
 
 
 @SEEDS
+def test_the_critic_learns_from_guided_episodes_and_from_the_guides_failures_too(seed: int) -> None:
+    """Goals make V larger than 0 where they are near, own goals smaller, though only the goals are imitated."""
+    session = Session(parameters(seed=seed, guided=12))
+    play(session, 12)
+    assert {record.outcome for record in session.records} == {"goal", "own_goal"}
+    value = learned_after_guidance(session).arrays["value"]
+    assert value.max() > 0.1
+    assert value.min() < -0.1
+
+
+@SEEDS
 def test_following_a_good_guide_needs_no_reward(seed: int) -> None:
     """The guide takes who is not clamped: the right one. Then is played without learning anything more."""
 

@@ -39,6 +39,15 @@ def test_what_is_told_is_where_ball_and_robot_are_and_how_the_ball_rolls(world: 
     assert len(GROUPS[0]) == 8
 
 
+def test_the_tiles_have_these_widths() -> None:
+    """A policy's table of V is by these tiles: another width makes another learner."""
+    ball = (0.16, 0.16, 0, 0, 0, 0, 0, 0)
+    ball_and_robot = (0.35, 0.35, 0.35, 0.35, 0, 0, 0, 0)
+    robot_from_ball = (0.3, 0, 0, 0, 0.2, 0.2, 0, 0)
+    ball_and_velocity = (0.3, 0.3, 0, 0, 0, 0, 0.3, 0.3)
+    assert GROUPS == (ball, ball_and_robot, robot_from_ball, ball_and_velocity)
+
+
 @given(worlds())
 def test_worlds_that_mirror_each_other_are_told_alike(world: World) -> None:
     other = in_the_mirror(world)

@@ -38,9 +38,10 @@ def say(text: str) -> None:
     write(sys.stderr, f"{one_line(text)}\n")
 
 
-def complain(text: object) -> None:
-    """Prints what is wrong on stderr: "PROGRAM: what"."""
-    say(f"{_program}: {text}")
+def complain(text: object, output: str = "") -> None:
+    """Prints what is wrong on stderr: "PROGRAM: what". Then, if given, the output of the process that it is about."""
+    for line in (f"{_program}: {text}", *output.splitlines()):
+        say(line)
 
 
 def warn(warnings: Iterable[str]) -> None:
@@ -106,10 +107,10 @@ class LiveLine:
         self.close()
         say(text)
 
-    def complain(self, text: object) -> None:
-        """Prints what is wrong in a separate line."""
+    def complain(self, text: object, output: str = "") -> None:
+        """Prints what is wrong in a separate line, and the output of the process that it is about."""
         self.close()
-        complain(text)
+        complain(text, output)
 
     def close(self) -> None:
         """Erases the live line, or keeps it and moves to the next line."""

@@ -109,7 +109,7 @@ class Supervision:
                 killed = stop(self._started)
                 self._line.close()
         if failure is not None:
-            self._line.complain(_failure_text(failure, match))
+            self._line.complain(_failure_text(failure, match), failure.process.tail() if failure.process else "")
         if killed:
             self._line.complain(f"did not end in time and had to be killed: {', '.join(killed)}")
         completeness = self._completeness()
@@ -204,9 +204,7 @@ class Supervision:
 
 
 def _failure_text(failure: GraphFailed, match: Match) -> str:
-    """What failed and how much was played until then, with the end of the output of the process that ended."""
+    """What failed, and how much was played until then."""
     shortfall = Asked(match.fusion.episodes, match.fusion.goals).shortfall(*played_so_far(match.out))
-    played = shortfall and f" after {shortfall}"
-    process = failure.process
-    shown = "" if process is None else f"; its output ({process.log_file}):\n{process.tail()}"
-    return f"{failure}{played}{shown}"
+    shown = "" if failure.process is None else f"; its output ({failure.process.log_file}):"
+    return f"{failure}{shortfall and f' after {shortfall}'}{shown}"

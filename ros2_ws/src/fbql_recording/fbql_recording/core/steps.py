@@ -10,7 +10,9 @@ from typing import NamedTuple
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 
 _WINDOW = 16
-"""Steps that are assembled at the same time."""
+"""Newer steps that have begun, after which a step is no longer waited for."""
+_ASSEMBLED = 256
+"""Steps that are assembled at the same time at most, whatever their order."""
 _REMEMBERED = 256
 """Steps that are remembered as already returned."""
 _KEY = Struct("<iI4x6s6xqq")
@@ -67,7 +69,8 @@ class StepJoin:
     """Joins messages to steps.
 
     Steps come out in the order in which their first messages came; each as soon as it is complete and all before it
-    have been returned, or when _WINDOW newer ones have begun. A second message of the same kind for a step is left out.
+    have been returned, or when _WINDOW newer ones have begun after it. Older steps that come late do not count as newer;
+    no more than _ASSEMBLED are kept all the same. A second message of the same kind for a step is left out.
 
     Args:
         messages: how many a complete step has.
@@ -112,9 +115,13 @@ class StepJoin:
         while self._pending:
             key = next(iter(self._pending))
             step = self._pending[key]
-            if step.missing and len(self._pending) <= _WINDOW:
+            if step.missing and (len(self._pending) <= _WINDOW or not self._is_overdue(key)):
                 return
             yield self._out(key)
+
+    def _is_overdue(self, oldest: Key) -> bool:
+        """Whether the step that came first is no longer waited for. All other pending steps have begun after it."""
+        return len(self._pending) > _ASSEMBLED or sum(key > oldest for key in self._pending) >= _WINDOW
 
     def rest(self) -> Iterator[StepData]:
         """All others, at the end."""
