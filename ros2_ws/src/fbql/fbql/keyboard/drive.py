@@ -214,7 +214,8 @@ def demonstrate_by_keyboard(
             sitting.keep()
             written = safekeeping.finish(sitting.kept, complain)
     if problem:
-        complain(problem)
+        what, _, output = problem.partition("\n")
+        complain(what, output)
     if interrupts.came and sitting.kept and written:
         complain(f"ended by {interrupts.name}; what was demonstrated until then is saved")
     return SittingResult(sitting.kept, written and problem is None)
