@@ -21,6 +21,8 @@ from fbql_common.core.field import MAX_WHEEL_RAD_S
 from fbql_behaviors.core.observation import Feature
 
 MAX_NODES = 1_000_000
+MAX_FEATURES = 64
+"""Checking a tree takes time and memory by its nodes times its features."""
 
 
 class Split(NamedTuple):
@@ -164,6 +166,8 @@ def canonical(content: Any) -> str:
 def _check_features(features: tuple[Feature, ...]) -> None:
     if not features:
         raise BadInput("a tree needs at least one feature")
+    if len(features) > MAX_FEATURES:
+        raise BadInput(f"{len(features)} features; at most {MAX_FEATURES} are supported")
     names = [feature.name for feature in features]
     for name in names:
         if names.count(name) > 1:
