@@ -30,7 +30,7 @@ MAX_BYTES = 256 * 1024 * 1024
 MAX_ARRAYS = 64
 _HEADER = re.compile(
     r"\{'descr': '(?P<dtype>\|b1|\|[iu]1|<[iu][248]|<f[248]|<U[1-9]\d{0,6})', 'fortran_order': (?P<fortran>True|False), "
-    r"'shape': \((?P<shape>|\d{1,12},|\d{1,12}(?:, \d{1,12}){1,7})\), \} *\n"
+    r"'shape': \((?P<shape>|\d{1,15},|\d{1,15}(?:, \d{1,15}){1,7})\), \} *\n"
 )
 """The header that NumPy writes for numbers and text, as a policy has them. NumPy's own reader evaluates it as Python."""
 _PREFIX = "array/"

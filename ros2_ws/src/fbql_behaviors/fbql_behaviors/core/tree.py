@@ -10,7 +10,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, nextafter
+from math import nextafter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,8 @@ from fbql_behaviors.core.observation import Feature
 MAX_NODES = 1_000_000
 MAX_FEATURES = 64
 """Checking a tree takes time and memory by its nodes times its features."""
+MAX_FEATURE = 1e12
+"""Largest bound of a feature: what is computed with it stays finite."""
 
 
 class Split(NamedTuple):
@@ -173,9 +175,10 @@ def _check_features(features: tuple[Feature, ...]) -> None:
         if names.count(name) > 1:
             raise BadInput(f"feature '{name}' occurs twice")
     for feature in features:
-        if not (isfinite(feature.low) and isfinite(feature.high) and feature.low < feature.high):
+        if not -MAX_FEATURE <= feature.low < feature.high <= MAX_FEATURE:
             raise BadInput(
-                f"feature '{feature.name}': low {feature.low} must be below high {feature.high}, both finite"
+                f"feature '{feature.name}': low {feature.low} must be below high {feature.high}, both within "
+                f"+-{MAX_FEATURE:g}"
             )
 
 
