@@ -8,7 +8,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from .progress import SetUpError, write
+from .progress import SetUpError, shown, write
 from .target import Target, target_for
 from .variables import process_environment
 
@@ -60,7 +60,7 @@ def environment_or_exit(purpose: str = "run") -> tuple[Target, dict[str, str]]:
     try:
         return ensure_environment(ROOT, purpose, os.environ)
     except SetUpError as error:
-        write((f"{error.details}\n" if error.details else "") + f"fbql: {error}\n")
+        write((f"{error.details}\n" if error.details else "") + f"fbql: {shown(error)}\n")
         sys.exit(2)
     except KeyboardInterrupt:
         write("fbql: the set-up was interrupted; the next start resumes it.\n")

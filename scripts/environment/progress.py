@@ -18,6 +18,11 @@ class SetUpError(Exception):
         self.details = details
 
 
+def shown(text: object) -> str:
+    """One line that a terminal shows as it is: what is not printable is escaped, as it may come from a name."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+
+
 def write(text: str) -> None:
     """Write to stderr. A closed, full or missing stderr is no reason to stop."""
     try:
@@ -29,7 +34,7 @@ def write(text: str) -> None:
 
 def say(text: str) -> None:
     """Print one line of the set-up."""
-    write(f"[set-up] {text}\n")
+    write(f"[set-up] {shown(text)}\n")
 
 
 class Step:

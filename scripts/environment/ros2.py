@@ -13,8 +13,10 @@ import shlex
 import shutil
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 from .enter import ROOT, environment_or_exit
+from .progress import shown, write
 from .target import split_path, target_for
 
 MARKERS = Path("share", "ament_index", "resource_index", "packages")
@@ -23,7 +25,7 @@ VERBS = ("run", "pkg")
 
 
 class NotThere(Exception):
-    """The requested object does not exist; the text is the line that ros2 prints in that case."""
+    """The requested object does not exist; the arguments are the lines that ros2 prints in that case."""
 
 
 def main(argv: list[str]) -> int:
@@ -33,8 +35,7 @@ def main(argv: list[str]) -> int:
         real = str(real_ros2(environ["PATH"]))
         os.execve(real, [real, *argv], environ)
     if argv and not argv[0].startswith("-") and argv[0] not in VERBS:
-        line = f"'ros2 {argv[0]}' needs a real ros2 (an installed ROS 2 Jazzy); here are: {', '.join(VERBS)}\n"
-        sys.stderr.write(line)
+        write(f"'ros2 {shown(argv[0])}' needs a real ros2 (an installed ROS 2 Jazzy); here are: {', '.join(VERBS)}\n")
         return 2
     arguments = make_parser().parse_args(argv)
     if arguments.work is None:
@@ -43,17 +44,27 @@ def main(argv: list[str]) -> int:
     _, environ = environment_or_exit()
     try:
         arguments.work(arguments, find_packages(split_path(environ["AMENT_PREFIX_PATH"])), environ)
+        sys.stdout.flush()
     except NotThere as error:
-        sys.stderr.write(f"{error}\n")
+        write("".join(f"{shown(line)}\n" for line in error.args))
         return 1
+    except BrokenPipeError:
+        # A reader that left is no error; what is still buffered must not fail when Python exits.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
+
+
+class Parser(argparse.ArgumentParser):
+    """Reports a usage error in printable lines, of which the last names the word as it was typed."""
+
+    def error(self, message: str) -> NoReturn:
+        self.print_usage(sys.stderr)
+        self.exit(2, f"{self.prog}: error: {shown(message)}\n")
 
 
 def make_parser() -> argparse.ArgumentParser:
     """The command line of ros2cli, as far as it is supported here."""
-    parser = argparse.ArgumentParser(
-        prog="ros2", description="The part of ros2 that finds packages and starts their executables."
-    )
+    parser = Parser(prog="ros2", description="The part of ros2 that finds packages and starts their executables.")
     parser.set_defaults(work=None, help=parser.print_help)
     verbs = parser.add_subparsers(metavar="{run,pkg}")
     run = verbs.add_parser("run", help="Run a package specific executable", description="Run an executable.")
@@ -83,7 +94,7 @@ def run_executable(arguments: argparse.Namespace, packages: dict[str, Path], env
     if not paths:
         raise NotThere("No executable found")
     if len(paths) > 1:
-        raise NotThere("\n- ".join(["Multiple executables found:", *paths]))
+        raise NotThere("Multiple executables found:", *(f"- {path}" for path in paths))
     command = [*shlex.split(arguments.prefix or ""), *paths, *arguments.argv]
     try:
         os.execvpe(command[0], command, environ)
@@ -95,19 +106,19 @@ def list_executables(arguments: argparse.Namespace, packages: dict[str, Path], e
     """`ros2 pkg executables [--full-path] [PACKAGE]`"""
     for package in sorted(packages) if arguments.package_name is None else [arguments.package_name]:
         for path in find_executables(packages, package):
-            print(path if arguments.full_path else f"{package} {path.name}")
+            print(shown(path if arguments.full_path else f"{package} {path.name}"))
 
 
 def list_packages(arguments: argparse.Namespace, packages: dict[str, Path], environ: dict[str, str]) -> None:
     """`ros2 pkg list`"""
-    print("\n".join(sorted(packages)))
+    print("\n".join(map(shown, sorted(packages))))
 
 
 def show_prefix(arguments: argparse.Namespace, packages: dict[str, Path], environ: dict[str, str]) -> None:
     """`ros2 pkg prefix PACKAGE`"""
     if arguments.package_name not in packages:
         raise NotThere("Package not found")
-    print(packages[arguments.package_name])
+    print(shown(packages[arguments.package_name]))
 
 
 def find_packages(prefixes: list[Path]) -> dict[str, Path]:

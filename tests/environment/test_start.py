@@ -223,6 +223,22 @@ def test_the_lookup_prints_what_ros2_prints(checkout: Path) -> None:
     assert full.stdout == f"{prefix}/lib/speaker/speak\n"
 
 
+def test_a_reader_that_left_is_no_error(checkout: Path) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    words, environ = command(checkout, "ros2", "pkg", "list"), fresh_environment()
+    said = subprocess.run(words, env=environ, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert (said.returncode, said.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("arguments", [("run", "{}", "x"), ("pkg", "executables", "{}"), ("pkg", "{}"), ("{}",)])
+def test_a_name_is_never_printed_raw(checkout: Path, arguments: tuple[str, ...]) -> None:
+    said = start(checkout, "ros2", *(word.format("x\nfbql: all is well\x1b[31m") for word in arguments))
+    assert said.returncode in (1, 2)
+    assert "x\\nfbql: all is well\\x1b[31m" in said.stderr
+
+
 def test_run_hands_over_arguments_as_they_are_and_puts_a_prefix_before(checkout: Path) -> None:
     said = start(checkout, *SPEAK, "--ros-args", "-r", "__ns:=/a b", "--help")
     assert said.stdout == "speaks --ros-args -r __ns:=/a b --help\n"

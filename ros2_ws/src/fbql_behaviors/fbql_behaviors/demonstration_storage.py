@@ -19,13 +19,15 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import RUN_RECORD
 from fbql_common.core.types import WheelCommand, World
 from fbql_recording.core.decoding import TYPES, MessageCodec
-from fbql_recording.mcap.reader import McapFile
+from fbql_recording.mcap.reader import McapFile, Topic
 
 from fbql_behaviors.core.patterns import Demonstration
 
 BEHAVIOR_KEY = "behavior"
 MAX_STEPS = 1_000_000
 """Steps that are read at most."""
+MOST = 1e6
+"""Largest position, angle or velocity that is taken for one [m, rad, m/s, rad/s]."""
 STEP_BYTES = 1024
 """Memory that a step takes, about [bytes]."""
 
@@ -77,19 +79,18 @@ def _read(path: Path, allowed: int) -> Recording:
     worlds: dict[tuple[int, int], World] = {}
     commands: dict[tuple[int, int], WheelCommand] = {}
     codecs: dict[str, MessageCodec[Any] | None] = {}
-    for topic in file.topics.values():
-        wanted = TYPES.get(topic.type_name) in (World, WheelCommand)
-        codecs[topic.name] = MessageCodec(topic.type_name, topic.schema) if wanted else None
     for number, message in enumerate(file.messages()):
+        if message.topic not in codecs:  # a topic may be described as late as where its first message is
+            codecs[message.topic] = _codec(path, next(t for t in file.topics.values() if t.name == message.topic))
         codec = codecs[message.topic]
         if codec is None:
             continue
         try:
             decoded = codec.decode(message.data)
             if isinstance(decoded, World):
-                worlds[decoded.episode, decoded.step] = _finite(decoded, decoded[3:15], "a pose or velocity")
+                worlds[decoded.episode, decoded.step] = _in_bounds(decoded, decoded[3:15], "a pose or velocity")
             else:
-                commands[decoded.episode, decoded.step] = _finite(decoded, decoded[3:5], "a wheel velocity")
+                commands[decoded.episode, decoded.step] = _in_bounds(decoded, decoded[3:5], "a wheel velocity")
         except Malformed as error:
             raise BadInput(f"{path}: message {number}, counted from 0: {error}") from None
         if len(worlds) > allowed:
@@ -112,7 +113,21 @@ def _read(path: Path, allowed: int) -> Recording:
     return Recording(path, about.pop(BEHAVIOR_KEY, ""), demonstrations, about)
 
 
-def _finite[T](decoded: T, numbers: tuple[float, ...], what: str) -> T:
+def _codec(path: Path, topic: Topic) -> MessageCodec[Any] | None:
+    """None for a topic that demonstrations do not need."""
+    if TYPES.get(topic.type_name) not in (World, WheelCommand):
+        return None
+    if topic.kind[1:] != ("cdr", "ros2msg"):
+        raise BadInput(f"{path}: topic {topic.name} is recorded as '{topic.message_encoding}'; only cdr is read")
+    try:
+        return MessageCodec(topic.type_name, topic.schema)
+    except BadInput as error:
+        raise BadInput(f"{path}: {topic.name}: {error}") from None
+
+
+def _in_bounds[T](decoded: T, numbers: tuple[float, ...], what: str) -> T:
     if not isfinite(sum(numbers)):
         raise Malformed(f"{what} is not finite")
+    if max(map(abs, numbers)) > MOST:
+        raise Malformed(f"{what} is outside of +-{MOST:g}")
     return decoded

@@ -106,13 +106,16 @@ def _feature(item: Any) -> Feature:
 
 
 def _leaf(item: Any) -> Leaf:
-    return Leaf(_number(item, "left_rad_s"), _number(item, "right_rad_s"), _value(item, "patterns", int))
+    patterns = _value(item, "patterns", int)
+    if patterns >= 2**63:
+        raise BadInput("'patterns' is too large")
+    return Leaf(_number(item, "left_rad_s"), _number(item, "right_rad_s"), patterns)
 
 
 def _node(item: Any) -> Node:
     if type(item) is int:
         return item
-    if not isinstance(item, list) or [type(part) is int for part in item] != [True, type(item[1]) is int, True, True]:  # pyright: ignore
+    if not isinstance(item, list) or len(item) != 4 or any(type(item[place]) is not int for place in (0, 2, 3)):  # pyright: ignore
         raise BadInput("expected a leaf_id or [feature, threshold, left, right]")
     feature, threshold, left, right = item  # pyright: ignore[reportUnknownVariableType]
     return Split(feature, _number({"threshold": threshold}, "threshold"), left, right)

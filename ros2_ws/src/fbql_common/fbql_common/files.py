@@ -7,6 +7,9 @@ from pathlib import Path
 
 from fbql_common.core.errors import BadInput
 
+MAX_NAME_BYTES = 200
+"""Longest name of an output: file systems take 255 bytes, endings included."""
+
 
 def write_atomically(path: Path, data: bytes) -> None:
     """Writes a temporary file and renames it to `path`: the file is complete or absent, even when the disk is full
@@ -25,6 +28,25 @@ def write_atomically(path: Path, data: bytes) -> None:
     except OSError:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def check_output(path: Path) -> Path:
+    """The path, if something can be called so. What is written there names itself in texts, and puts endings behind its
+    name.
+
+    Raises:
+        BadInput: it is not UTF-8, or a part of it is longer than MAX_NAME_BYTES.
+    """
+    try:
+        parts = [part.encode() for part in path.parts]
+    except UnicodeEncodeError:
+        raise BadInput(f"{path}: not UTF-8; choose another name") from None
+    if b"\0" in b"".join(parts):
+        raise BadInput(f"{path}: a null character in it; choose another name")
+    longest = max(map(len, parts), default=0)
+    if longest > MAX_NAME_BYTES:
+        raise BadInput(f"{path}: a name of {longest} bytes; choose one of at most {MAX_NAME_BYTES}")
+    return path
 
 
 def read_file(path: Path, most_bytes: int) -> bytes:

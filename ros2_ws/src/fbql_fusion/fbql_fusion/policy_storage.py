@@ -7,6 +7,8 @@ the controller's own arrays as array/<name>.
 from __future__ import annotations
 
 import io
+import re
+import sys
 import zipfile
 import zlib
 from math import prod
@@ -26,6 +28,11 @@ FORMAT_VERSION = 1
 MAX_BYTES = 256 * 1024 * 1024
 """Largest policy file, and largest sum of its arrays, that is read [bytes]."""
 MAX_ARRAYS = 64
+_HEADER = re.compile(
+    r"\{'descr': '(?P<dtype>\|b1|\|[iu]1|<[iu][248]|<f[248]|<U[1-9]\d{0,6})', 'fortran_order': (?P<fortran>True|False), "
+    r"'shape': \((?P<shape>|\d{1,15},|\d{1,15}(?:, \d{1,15}){1,7})\), \} *\n"
+)
+"""The header that NumPy writes for numbers and text, as a policy has them. NumPy's own reader evaluates it as Python."""
 _PREFIX = "array/"
 
 _NO_POLICY = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError, MemoryError)
@@ -122,6 +129,8 @@ def _read(file: IO[bytes]) -> dict[str, NDArray[Any]]:
             raise BadInput(f"unpacks to {unpacked} bytes; a policy has at most {MAX_BYTES}")
         arrays: dict[str, NDArray[Any]] = {}
         for member in members:
+            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise BadInput(f"'{member.filename}' is compressed in a way that NumPy does not use")
             name = member.filename.removesuffix(".npy")
             if name in arrays:
                 raise BadInput(f"array '{name}' occurs twice")
@@ -134,13 +143,19 @@ def _read_array(name: str, file: IO[bytes], size: int) -> NDArray[Any]:
     """One .npy; its header must declare exactly the bytes that are there."""
     if npy.read_magic(file) != (1, 0):
         raise BadInput(f"array '{name}' has a .npy version other than 1.0")
-    shape, fortran_order, dtype = npy.read_array_header_1_0(file)
-    if dtype.kind not in "iufbU":
-        raise BadInput(f"array '{name}' holds {dtype}, which is neither numbers nor text")
+    length = int.from_bytes(file.read(2), "little")
+    match = _HEADER.fullmatch(file.read(length).decode("latin-1"))
+    if match is None:
+        raise BadInput(f"array '{name}' holds neither numbers nor text, or has a header that NumPy does not write")
+    dtype = np.dtype(match["dtype"])
+    shape = tuple(map(int, match["shape"].replace(",", " ").split()))
     promised, there = prod(shape) * dtype.itemsize, size - file.tell()
     if promised != there:
         raise BadInput(f"array '{name}' declares {promised} bytes and has {there}")
-    array: NDArray[Any] = np.ndarray(shape, dtype, file.read(), order="F" if fortran_order else "C")
+    data = file.read()
+    if dtype.kind == "U" and data and np.frombuffer(data, "<u4").max() > sys.maxunicode:
+        raise BadInput(f"array '{name}' has a character that does not exist")
+    array: NDArray[Any] = np.ndarray(shape, dtype, data, order="F" if match["fortran"] == "True" else "C")
     return array.copy()
 
 

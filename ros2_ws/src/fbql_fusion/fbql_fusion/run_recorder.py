@@ -176,19 +176,22 @@ def _directory(parameters: FusionNodeParameters, session: Session) -> Path:
 def _config(parameters: FusionNodeParameters, session: Session, launcher_file: str) -> dict[str, Any]:
     """Every parameter in force. A launcher, which also knows the other nodes' parameters, passes them on in its
     parameter file."""
-    nodes: dict[str, Any] = {}
-    if launcher_file:
-        document = mapping_from_yaml(read_file(Path(launcher_file), MAX_TEXT_BYTES), launcher_file)
-        try:
-            nodes = {name.lstrip("/"): dict(section["ros__parameters"]) for name, section in document.items()}
-        except (KeyError, TypeError, ValueError):
-            raise BadInput(f"{launcher_file}: not the parameters of nodes (NAME: ros__parameters: ...)") from None
+    nodes = launcher_parameters(Path(launcher_file)) if launcher_file else {}
     nodes["fusion"] = {**asdict(session.parameters), **asdict(parameters)}
     return {
         "versions": software_versions(),
         "git_revision": own_revision(),
         "parameters": nodes,
     }
+
+
+def launcher_parameters(path: Path) -> dict[str, Any]:
+    """The parameters of every node of the graph, by node, from the parameter file of a launcher. Raises BadInput."""
+    document = mapping_from_yaml(read_file(path, MAX_TEXT_BYTES), str(path))
+    try:
+        return {name.lstrip("/"): {**section["ros__parameters"]} for name, section in document.items()}
+    except (KeyError, TypeError):
+        raise BadInput(f"{path}: not the parameters of nodes (NAME: ros__parameters: ...)") from None
 
 
 def _own_code(config: Mapping[str, Any]) -> list[Attachment]:

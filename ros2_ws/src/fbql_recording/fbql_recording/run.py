@@ -22,6 +22,7 @@ from fbql_common.core.recording_names import (
     RUN_RECORD,
 )
 
+from fbql_recording.bag_agreement import compare, told_by
 from fbql_recording.core.columns import Columns, Recorded, columns_of
 from fbql_recording.core.decoding import TYPES, MessageCodec
 from fbql_recording.core.episodes import Episode, episodes_of
@@ -59,7 +60,6 @@ class Run:
         """The run directory, or None for an MCAP file alone."""
         self.files = tuple(files.recordings)
         """The MCAP files, in order."""
-        self._information = files.information
         self._warnings = list(files.warnings)
         self._skip_corrupt = skip_corrupt
         self._mcaps: list[McapFile] = []
@@ -69,6 +69,7 @@ class Run:
             self._mcaps.append(McapFile(path, skip_corrupt, self.topics))
             for topic in self._mcaps[-1].topics.values():
                 self.topics.setdefault(topic.name, topic)
+        self._is_short = self._check_metadata(files.information)
         self.attachments: dict[str, bytes] = {}
         """Files inside the recording (config.yaml, trees/NAME.json, policy_before.npz, policy.npz), by name."""
         for mcap in self._mcaps:
@@ -128,7 +129,8 @@ class Run:
     @property
     def is_complete(self) -> bool:
         """Whether everything that was recorded is there. Damage found later, while reading, counts from then on."""
-        return not any(mcap.damage.any for mcap in self._mcaps) and not self._left_out and not self._lost_before()
+        is_damaged = any(mcap.damage.any for mcap in self._mcaps) or self._is_short
+        return not is_damaged and not self._left_out and not self._lost_before()
 
     @property
     def warnings(self) -> list[str]:
@@ -267,6 +269,14 @@ class Run:
         if not self._skip_corrupt:
             raise Corrupt(f"{self.path}: {what}: {why}; skip_corrupt (--skip-corrupt) reads the rest")
         self._left_out[what] = self._left_out.get(what, 0) + 1
+
+    def _check_metadata(self, information: dict[str, Any]) -> bool:
+        """Warns where metadata.yaml and its files disagree. Returns whether the files hold less than it says."""
+        if not information or any(mcap.damage.any or not mcap.is_whole for mcap in self._mcaps):
+            return False  # of a damaged file it is known what is missing
+        agreement = compare(told_by(information), self._mcaps, self.topics)
+        self._warnings += [f"{self.directory}/metadata.yaml: {each}" for each in agreement.differences]
+        return agreement.is_short
 
     def _lost_before(self) -> list[str]:
         """What was lost before the recording was recovered, in words; empty for one that was never damaged."""

@@ -25,7 +25,7 @@ from typing import Any
 
 from fbql_common.checkout import source_tree
 from fbql_common.core.errors import BadInput
-from fbql_common.files import write_atomically
+from fbql_common.files import check_output, write_atomically
 
 from fbql_recording.bag_metadata import to_yaml
 from fbql_recording.core.metrics import EpisodeRecord, Summary
@@ -42,9 +42,10 @@ def create_run_directory(path: Path) -> None:
     Raises:
         BadInput: it exists, its parent does not, or nothing can be written there.
     """
-    if path.exists() or path.is_symlink():
+    check_output(path)
+    if os.path.lexists(path):
         raise BadInput(f"{path} exists; a run is never overwritten, choose another directory")
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):  # noqa: PTH112 - Path.is_dir raises for a path that is too long
         raise BadInput(f"{path}: there is no directory {path.parent}; make it, or choose another place")
     made: list[Path] = []
     try:
@@ -72,7 +73,7 @@ def create_next_run_directory(runs: Path, name: str) -> Path:
             create_run_directory(path)
             return path
         except BadInput:
-            if not (path.exists() or path.is_symlink()):
+            if not os.path.lexists(path):
                 raise
 
 
@@ -113,6 +114,8 @@ class RunDirectory:
         except OSError as error:
             where = error.filename or path
             raise BadInput(f"{where}: can't begin the run ({error.strerror}); choose another place") from None
+        except UnicodeEncodeError:
+            raise BadInput(f"{path}: can't begin the run: the path of a file that it uses is not UTF-8") from None
 
     def add_episode(self, record: EpisodeRecord) -> None:
         """Adds a row to episodes.csv and passes it to the operating system."""

@@ -5,13 +5,14 @@ Nothing outside of the directory is ever read, not even if its metadata.yaml or 
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from fbql_common.core.errors import BadInput
-from fbql_common.files import read_file
+from fbql_common.files import read_file, unreadable
 
 from fbql_recording.plain_yaml import mapping_from_yaml
 
@@ -38,10 +39,13 @@ def find_files(path: Path) -> RunFiles:
     Raises:
         BadInput: there is none, it is not MCAP, or its metadata names a file outside of the directory.
     """
-    if path.is_dir():
-        return _in_directory(path)
-    if not path.exists():
-        raise BadInput(f"{path}: no such run or recording")
+    try:
+        if path.is_dir():
+            return _in_directory(path)
+        if not path.exists():
+            raise BadInput(f"{path}: no such run or recording")
+    except OSError as error:  # a name that is too long, a directory that can't be listed
+        raise unreadable(path, error) from None
     return RunFiles(None, [path])
 
 
@@ -54,9 +58,7 @@ def find_damaged_files(path: Path) -> RunFiles:
     try:
         return find_files(path)
     except BadInput as error:
-        if not path.is_dir():
-            raise
-        names = _recordings_in(path)
+        names = _recordings_in(path) if os.path.isdir(path) else []  # noqa: PTH112 - Path.is_dir raises for a long name
         if not names:
             raise
         return RunFiles(path, [_inside(path, name) for name in names], warnings=[f"{error}; not used"])
@@ -83,18 +85,25 @@ def _in_directory(directory: Path) -> RunFiles:
     if not isinstance(information, dict):
         raise BadInput(f"{where}: not the metadata of a bag (rosbag2_bagfile_information is missing)")
     storage = information.get("storage_identifier")
-    if storage != "mcap":
+    if storage not in ("mcap", "", None):  # nothing in a bag that was reindexed
         raise BadInput(f"{where}: a bag of '{storage}', only mcap is read; convert it with `ros2 bag convert`")
     if information.get("compression_format"):
         raise BadInput(f"{where}: its files are compressed as a whole; convert it with `ros2 bag convert`")
     names = information.get("relative_file_paths")
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise BadInput(f"{where}: it names no recording (relative_file_paths)")
-    recordings = [_inside(directory, name) for name in names]
-    for recording in recordings:
+    for name in ("topics_with_message_count", "files"):
+        if not isinstance(information.get(name) or [], list):
+            raise BadInput(f"{where}: {name} is not a list")
+    recordings: dict[Path, Path] = {}
+    warnings: list[str] = []
+    for name in names:
+        recording = _inside(directory, name)
         if not recording.is_file():
             raise BadInput(f"{where} names {recording.name}, which is not there")
-    return RunFiles(directory, recordings, information)
+        if recordings.setdefault(recording.resolve(), recording) is not recording:
+            warnings.append(f"{where}: names {recording.name} twice; it is read once")
+    return RunFiles(directory, list(recordings.values()), information, warnings)
 
 
 def _without_metadata(directory: Path) -> RunFiles:

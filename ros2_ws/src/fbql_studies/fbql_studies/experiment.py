@@ -13,7 +13,7 @@ from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupted, Interrupts
 from fbql.cli.missing import what_is_missing
 from fbql.cli.output import print_result, say, warn
-from fbql.cli.parser import Parser
+from fbql.cli.parser import Parser, output_path
 from fbql.cli.places import RUNS
 from fbql.statistics.tables import Table, as_markdown, as_text
 from fbql_common.core.errors import BadInput
@@ -95,7 +95,7 @@ def parser(program: str) -> Parser:
         )
         own.add_argument(
             "--out",
-            type=Path,
+            type=output_path,
             metavar="DIR",
             help=f"directory of the results (runs/study-{name}); one with fewer seeds or trees is extended",
         )

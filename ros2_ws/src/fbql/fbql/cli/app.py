@@ -12,6 +12,7 @@ It raises `BadInput` for input that it refuses, `Interrupted` where a signal end
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -106,6 +107,12 @@ def reporting(work: Callable[[], int]) -> int:
     except Unwritable as error:
         complain(error)
         return error.exit_code
+    except OSError as error:
+        # A file that nothing else expected to fail: the system says which and why.
+        if error.filename is None:
+            raise
+        complain(f"{os.fsdecode(error.filename)}: {error.strerror}")
+        return Unwritable(error.filename, error).exit_code
     except Interrupted as error:
         complain(error)
         return FAILED

@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NoReturn
 
+from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import limits_of, types_of
 from fbql_common.core.text import one_line
+from fbql_common.files import check_output
 
 from fbql.cli.exit_codes import BAD_INPUT
 from fbql.cli.output import write
@@ -35,6 +38,14 @@ class Help(argparse.ArgumentDefaultsHelpFormatter):
     def _get_help_string(self, action: argparse.Action) -> str | None:
         default = action.default
         return action.help if default is None or default is False or default == [] else super()._get_help_string(action)
+
+
+def output_path(text: str) -> Path:
+    """The type of an option that names an output."""
+    try:
+        return check_output(Path(text))
+    except BadInput as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def add_json_option(parser: argparse._ActionsContainer) -> None:

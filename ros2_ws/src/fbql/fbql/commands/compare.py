@@ -18,7 +18,7 @@ from fbql_recording import open_run
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import LiveLine, print_result, warn, writing
-from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options
+from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path
 from fbql.cli.words import counted
 from fbql.report.comparison import MEASURES, Group, Pair, RunResult, groups_of, name_of, pairs_of, result_of
 from fbql.report.texts import plain
@@ -34,7 +34,7 @@ def parser(program: str) -> Parser:
         epilog="Exit codes: 0 done; 1 failed; 2 bad input; 3 done, but a recording is incomplete.",
     )
     command.add_argument("runs", nargs="+", type=Path, metavar="RUN", help=RUN_HELP)
-    command.add_argument("--figure", type=Path, metavar="FILE", help="draw the comparison, as SVG")
+    command.add_argument("--figure", type=output_path, metavar="FILE", help="draw the comparison, as SVG")
     command.add_argument("--force", action="store_true", help="replace an existing figure")
     add_recording_options(command)
     add_json_option(command)

@@ -26,7 +26,7 @@ from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, register_observations
 from fbql.cli.output import LiveLine, complain, print_result, say
-from fbql.cli.parser import Parser, add_json_option
+from fbql.cli.parser import Parser, add_json_option, output_path
 from fbql.cli.places import command_text, new_path
 from fbql.cli.words import counted
 from fbql.demonstrations.instruct import instruct, simulation_of, starts
@@ -197,7 +197,7 @@ def parser(program: str) -> Parser:
     command.add_argument("--steps", type=int, metavar="N", help="maximum number of steps of each (from the recipe)")
     command.add_argument(
         "--out",
-        type=Path,
+        type=output_path,
         metavar="DIR",
         help="directory to create; it must not exist (runs/TIME-demonstrations-BEHAVIOR-...)",
     )

@@ -25,7 +25,7 @@ from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, register_observations
 from fbql.cli.output import print_result, say, warn, writing
-from fbql.cli.parser import Parser, add_json_option, add_parameter_options
+from fbql.cli.parser import Parser, add_json_option, add_parameter_options, output_path
 from fbql.cli.places import new_path
 from fbql.cli.words import counted
 from fbql.demonstrations.make_tree import (
@@ -62,18 +62,23 @@ def parser(program: str) -> Parser:
     command.add_argument(
         "--seed", type=int, default=INDUCTION_SEED, metavar="S", help="seed of the trials (%(default)s)"
     )
-    command.add_argument("--out", type=Path, metavar="FILE", help="tree file (runs/TIME-tree-BEHAVIOR/BEHAVIOR.json)")
+    command.add_argument(
+        "--out", type=output_path, metavar="FILE", help="tree file (runs/TIME-tree-BEHAVIOR/BEHAVIOR.json)"
+    )
     add_json_option(command)
     command.add_argument(
         "--report",
-        type=Path,
+        type=output_path,
         nargs="?",
         const=BESIDE,
         metavar="FILE",
         help="write a page about the tree and how it was made (beside the tree file, as .html)",
     )
     command.add_argument(
-        "--curve", type=Path, metavar="FILE", help="write the learning curve as CSV: the root's value after each trial"
+        "--curve",
+        type=output_path,
+        metavar="FILE",
+        help="write the learning curve as CSV: the root's value after each trial",
     )
     command.add_argument("--leaves", type=int, metavar="N", help="leaves of --method cart (chosen by cross-validation)")
     add_observation_option(command)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
 
 from fbql_behaviors.core.recipes import RECIPES
 from fbql_behaviors.shipped import shipped_trees
@@ -16,7 +15,7 @@ from fbql_behaviors.storage import save_tree
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import print_result, say, writing
-from fbql.cli.parser import Parser, add_json_option
+from fbql.cli.parser import Parser, add_json_option, output_path
 from fbql.demonstrations.make_tree import make_tree
 
 
@@ -24,7 +23,7 @@ def parser(program: str) -> Parser:
     """The command line."""
     command = Parser(prog=program, description="Regenerates the shipped trees from their committed seeds.")
     command.add_argument(
-        "--out", type=Path, default=shipped_trees(), metavar="DIR", help="directory for the trees (%(default)s)"
+        "--out", type=output_path, default=shipped_trees(), metavar="DIR", help="directory for the trees (%(default)s)"
     )
     add_json_option(command)
     return command

@@ -15,7 +15,7 @@ from fbql_recording import Gap, Recovery, recover
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import LiveLine, print_result
-from fbql.cli.parser import Parser
+from fbql.cli.parser import Parser, output_path
 
 
 def parser(program: str) -> Parser:
@@ -31,7 +31,9 @@ def parser(program: str) -> Parser:
     command.add_argument(
         "run", type=Path, metavar="RUN", help="run directory, ROS 2 bag (MCAP), .mcap or .mcap.active file"
     )
-    command.add_argument("--out", type=Path, metavar="DIR", help="the new run directory (beside it, RUN_recovered)")
+    command.add_argument(
+        "--out", type=output_path, metavar="DIR", help="the new run directory (beside it, RUN_recovered)"
+    )
     command.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
     command.add_argument(
         "--allow-incomplete", action="store_true", help="exit with 0 instead of 3 if something is lost"

@@ -15,7 +15,7 @@ from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option
 from fbql.cli.output import warn
-from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options
+from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
@@ -79,8 +79,8 @@ def parser(program: str) -> Parser:
     add_controller_option(other, "a different controller, or, with --verify, the file of the run's own controller")
     other.add_argument("--policy", metavar="FILE", help="a different policy to start from, or none")
     other.add_argument("--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior")
-    other.add_argument("--csv", type=Path, metavar="FILE", help="write every step as a table (CSV)")
-    other.add_argument("--figure", type=Path, metavar="FILE", help="draw weights and commands, as SVG")
+    other.add_argument("--csv", type=output_path, metavar="FILE", help="write every step as a table (CSV)")
+    other.add_argument("--figure", type=output_path, metavar="FILE", help="draw weights and commands, as SVG")
     return command
 
 

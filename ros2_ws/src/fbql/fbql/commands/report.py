@@ -18,7 +18,7 @@ from fbql_recording.tables import FORMATS, write_episodes, write_steps
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import LiveLine, print_result, warn, writing
-from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options
+from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path
 from fbql.report.page import write_page
 from fbql.report.texts import plain
 
@@ -35,7 +35,7 @@ def parser(program: str) -> Parser:
         epilog="Exit codes: 0 done; 1 failed; 2 bad input; 3 done, but the recording is incomplete.",
     )
     command.add_argument("run", type=Path, metavar="RUN", help=RUN_HELP)
-    command.add_argument("--out", type=Path, metavar="FILE", help=f"the page (RUN/{PAGE}; beside an .mcap file)")
+    command.add_argument("--out", type=output_path, metavar="FILE", help=f"the page (RUN/{PAGE}; beside an .mcap file)")
     command.add_argument(
         "--figures",
         action="store_true",

@@ -25,7 +25,7 @@ from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, register_observations
 from fbql.cli.output import complain, print_result, say, writing
-from fbql.cli.parser import Parser
+from fbql.cli.parser import Parser, output_path
 from fbql.cli.words import counted
 
 FORMATS: Mapping[str, Callable[[Tree], str]] = {
@@ -166,12 +166,12 @@ def parser(program: str) -> Parser:
     explain.add_argument("--json", action="store_true", help="print one JSON object")
     export = command("export", _export, "write a tree as C99, DOT, a picture of its partition, or JSON", "tree file")
     export.add_argument("--to", choices=tuple(FORMATS), required=True, help="what to write")
-    export.add_argument("--out", type=Path, metavar="F", help="file to write (stdout)")
+    export.add_argument("--out", type=output_path, metavar="F", help="file to write (stdout)")
     check = command("check", _check, "check whether a tree file is sound, and describe it", "tree file")
     check.add_argument("--json", action="store_true", help="print one JSON object")
     imports = command(
         "import", _import, "make a tree file from the arrays of a scikit-learn tree", "JSON file with the arrays"
     )
     imports.add_argument("--behavior", required=True, metavar="NAME", help="behavior of the tree")
-    imports.add_argument("--out", type=Path, required=True, metavar="F", help="tree file to write")
+    imports.add_argument("--out", type=output_path, required=True, metavar="F", help="tree file to write")
     return result

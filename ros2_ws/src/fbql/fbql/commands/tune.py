@@ -22,7 +22,7 @@ from fbql_common.core.text import as_lines
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import LiveLine, print_result, writing
-from fbql.cli.parser import Parser, add_json_option, add_parameter_options
+from fbql.cli.parser import Parser, add_json_option, add_parameter_options, output_path
 from fbql.cli.places import new_path
 from fbql.cli.words import counted
 from fbql.demonstrations.practice import PracticeGround, measure, measuring_seeds
@@ -124,7 +124,9 @@ def parser(program: str) -> Parser:
     command.add_argument(
         "--starts", type=int, default=STARTS, metavar="N", help="starts to measure from, before and after (%(default)s)"
     )
-    command.add_argument("--out", type=Path, metavar="FILE", help="tree file (runs/TIME-tuned-BEHAVIOR/BEHAVIOR.json)")
+    command.add_argument(
+        "--out", type=output_path, metavar="FILE", help="tree file (runs/TIME-tuned-BEHAVIOR/BEHAVIOR.json)"
+    )
     add_json_option(command)
     add_parameter_options(command, TuningParameters, "tuning", "defaults are those set for the behavior")
     return command

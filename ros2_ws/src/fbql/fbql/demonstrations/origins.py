@@ -48,7 +48,7 @@ def origins_of(about: Mapping[str, str], where: object) -> list[Origin]:
     """The origins that a recording names; empty if it names none. Raises BadInput if they can't be read."""
     try:
         return [_origin(each) for each in json.loads(about.get(ORIGINS_KEY, "[]"))]
-    except (BadInput, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise BadInput(f"{where}: the origin of its demonstrations cannot be read ({error})") from None
 
 

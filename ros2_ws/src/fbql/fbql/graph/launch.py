@@ -69,6 +69,10 @@ def write_parameters(match: Match, mode: Mode) -> Path:
         path.write_text(yaml.safe_dump(document, sort_keys=False))
     except OSError as error:
         raise BadInput(f"{path}: can't be written ({error.strerror}); choose another --out") from None
+    except UnicodeEncodeError:
+        raise BadInput(
+            f"{path}: the path of a file that the run uses is not UTF-8; a parameter can't hold it"
+        ) from None
     return path
 
 

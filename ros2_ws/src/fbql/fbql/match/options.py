@@ -28,7 +28,7 @@ from fbql_sim.core.parameters import SimulationParameters
 
 from fbql.cli.controllers import add_controller_option
 from fbql.cli.observations import add_observation_option, register_observations
-from fbql.cli.parser import Help, Parser
+from fbql.cli.parser import Help, Parser, output_path
 from fbql.cli.places import RUNS
 
 DEFAULT_GOALS = 10
@@ -107,7 +107,7 @@ def match_parser(program: str, description: str) -> Parser:
     result = parser.add_argument_group("what comes out")
     result.add_argument(
         "--out",
-        type=Path,
+        type=output_path,
         metavar="DIR",
         help="run directory to create; it must not exist (runs/TIME-CONTROLLER-sSEED)",
     )

@@ -27,6 +27,9 @@ SLOW, FAST = MAX_WHEEL_RAD_S / 3, MAX_WHEEL_RAD_S * 2 / 3
 SUBJECTS = {"approach_angle": "ball-to-goal line"}
 """The subject of an angle whose name does not contain it."""
 
+_MOST_DIGITS = 17
+"""Digits that tell any two floats apart."""
+
 
 class Motion(Enum):
     """What a pair of wheel velocities does. Turning left is counter-clockwise, also when driving backwards."""
@@ -143,7 +146,7 @@ def speed_of(left_rad_s: float, right_rad_s: float) -> str:
 
 def rounded(values: Iterable[float], width: float) -> list[str]:
     """Numbers with just enough digits, or one more, to tell the ends of an interval of this width apart."""
-    digits = max(1, 1 - floor(log10(width)))
+    digits = min(max(1, 1 - floor(log10(width))), _MOST_DIGITS) if width > 0.0 else _MOST_DIGITS
     # moved off a tie, so that 11.25 and 33.75, which are rarely exact, are both rounded up
     texts = [f"{value * (1.0 + 1e-12):.{digits}f}".rstrip("0").rstrip(".") for value in values]
     return ["0" if text == "-0" else text for text in texts]

@@ -10,7 +10,7 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, nextafter
+from math import nextafter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,10 @@ from fbql_common.core.field import MAX_WHEEL_RAD_S
 from fbql_behaviors.core.observation import Feature
 
 MAX_NODES = 1_000_000
+MAX_FEATURES = 64
+"""Checking a tree takes time and memory by its nodes times its features."""
+MAX_FEATURE = 1e12
+"""Largest bound of a feature: what is computed with it stays finite."""
 
 
 class Split(NamedTuple):
@@ -164,14 +168,17 @@ def canonical(content: Any) -> str:
 def _check_features(features: tuple[Feature, ...]) -> None:
     if not features:
         raise BadInput("a tree needs at least one feature")
+    if len(features) > MAX_FEATURES:
+        raise BadInput(f"{len(features)} features; at most {MAX_FEATURES} are supported")
     names = [feature.name for feature in features]
     for name in names:
         if names.count(name) > 1:
             raise BadInput(f"feature '{name}' occurs twice")
     for feature in features:
-        if not (isfinite(feature.low) and isfinite(feature.high) and feature.low < feature.high):
+        if not -MAX_FEATURE <= feature.low < feature.high <= MAX_FEATURE:
             raise BadInput(
-                f"feature '{feature.name}': low {feature.low} must be below high {feature.high}, both finite"
+                f"feature '{feature.name}': low {feature.low} must be below high {feature.high}, both within "
+                f"+-{MAX_FEATURE:g}"
             )
 
 

@@ -1,0 +1,111 @@
+"""Whatever a recording holds: what is read was recorded, what is missing is said, or it is refused in one line."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from damaged_recordings import mcap_of, records_of
+from fbql_common.core.errors import BadInput
+from fbql_recording import Run, open_run
+from foreign_recording import ForeignTopic, with_foreign_topics
+from fuzzing import dice, odd_bytes, odd_copy, odd_value, read_or_refused
+from mcap.writer import MCAP0_MAGIC
+from recorded_match import record_match
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two episodes of seven steps. Not to be changed."""
+    return record_match(tmp_path_factory.mktemp("recorded") / "run", max_steps=6, episodes=2)
+
+
+@pytest.fixture
+def place() -> Iterator[Path]:
+    """In memory, if there is room: many small files are written."""
+    shared = Path("/dev/shm")
+    path = (shared if os.access(shared, os.W_OK) else Path("/tmp")) / f"fbql-fuzzing-{os.getpid()}"
+    path.mkdir()
+    yield path
+    shutil.rmtree(path)
+
+
+def everything(path: Path, skip_corrupt: bool) -> tuple[Run, list[Any]]:
+    run = open_run(path, skip_corrupt=skip_corrupt)
+    messages = list(run.messages())
+    for _ in run.steps():
+        pass
+    run.episodes()
+    assert all(isinstance(line, str) for line in run.warnings)
+    return run, messages
+
+
+def test_mutated_bytes_are_read_refused_or_said_to_be_lost(recorded, place):
+    data = mcap_of(recorded).read_bytes()
+    records = list(records_of(data))
+    whole = list(open_run(recorded).messages())
+    path = place / "x.mcap"
+    for rng in dice(150):
+        if rng.random() < 0.3:  # whole records removed, doubled or in another order
+            parts = [data[record.begin : record.end] for record in records]
+            first, second = rng.randrange(len(parts)), rng.randrange(len(parts))
+            parts[first:second] = rng.choice(([], parts[first:second] * 2, [parts[second]]))
+            odd = MCAP0_MAGIC + b"".join(parts) + rng.choice((MCAP0_MAGIC, b""))
+        else:
+            odd = odd_bytes(data, rng)
+        path.write_bytes(odd)
+        skip_corrupt = rng.random() < 0.5
+        found = read_or_refused(lambda skip=skip_corrupt: everything(path, skip))
+        if found is not None and odd != data:
+            run, messages = found
+            assert (
+                not run.is_complete or run.warnings or len(messages) >= len(whole) or messages == whole[: len(messages)]
+            )
+
+
+def test_mutated_metadata_and_configuration_are_read_or_refused(recorded, place):
+    run = Path(shutil.copytree(recorded, place / "run"))
+    texts = {
+        name: (run / name).read_bytes() for name in ("metadata.yaml", "config.yaml", "episodes.csv", "summary.json")
+    }
+    alone = mcap_of(run).read_bytes()
+    for rng in dice(60):
+        name = rng.choice(list(texts))
+        if name.endswith(".yaml") and rng.random() < 0.6:
+            odd = yaml.safe_dump(odd_copy(yaml.safe_load(texts[name]), rng)).encode()
+        else:
+            odd = odd_bytes(texts[name], rng)
+        (run / name).write_bytes(odd)
+        mcap = run / "run_0.mcap"
+        if name != "metadata.yaml":  # the recording's own copies come first: they are renamed
+            mcap.write_bytes(alone.replace(name.encode(), name.encode()[::-1]))
+        read_or_refused(lambda: (everything(run, True), open_run(run, skip_corrupt=True).summary))
+        (run / name).write_bytes(texts[name])
+        mcap.write_bytes(alone)
+
+
+def test_odd_topics_beside_ours_change_nothing_of_ours(recorded, place):
+    steps = list(open_run(recorded).steps())
+    types = ("fbql_msgs/msg/WorldState", "fbql_msgs/msg/WheelCommand", "std_msgs/msg/String", "", "a/b", "this/msg/Zen")
+    for rng in dice(40):
+        schema = open_run(recorded).topics["/world"].schema.encode()
+        topic = ForeignTopic(
+            rng.choice(("/text", "/world", "/wheel_command", "", "a\nb", "/behaviors/x")),
+            rng.choice(types),
+            rng.choice(("ros2msg", "ros2idl", "protobuf", "jsonschema", "")),
+            rng.choice((b"", rng.randbytes(20), odd_bytes(schema, rng))),
+            rng.choice(("json", "protobuf", "", "ros1")),
+            rng.randbytes(rng.randrange(50)),
+            {"offered_qos_profiles": str(odd_value(rng))},
+            rng.choice((None, 0, 2**64 - 1)),
+        )
+        path = with_foreign_topics(recorded, place / "x.mcap", [topic])
+        try:
+            assert list(open_run(path).steps()) == steps
+        except BadInput as error:
+            assert "is not a text" in str(error) or "behaviors" in str(error)
