@@ -6,7 +6,7 @@ Nothing outside of the directory is ever read, not even if its metadata.yaml or 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -29,6 +29,8 @@ class RunFiles:
     information: dict[str, Any] = field(default_factory=dict[str, Any])
     """`rosbag2_bagfile_information` of metadata.yaml; empty without one."""
     warnings: list[str] = field(default_factory=list[str])
+    missing: list[str] = field(default_factory=list[str])
+    """Names of files that belong to it and are not there; only of a damaged recording."""
 
 
 def find_files(path: Path) -> RunFiles:
@@ -50,15 +52,34 @@ def find_damaged_files(path: Path) -> RunFiles:
     Raises:
         BadInput: there is none.
     """
-    try:
+    if not path.is_dir():
         return find_files(path)
-    except BadInput as error:
-        if not path.is_dir():
+    missing: list[str] = []
+    try:
+        files = _in_directory(path, missing)
+        if files.recordings:
+            return replace(files, missing=missing)
+        error = f"{path / 'metadata.yaml'} names no file that is there"
+    except BadInput as found:
+        error = str(found)
+        if not _recordings_in(path):
             raise
-        names = _recordings_in(path)
-        if not names:
-            raise
-        return RunFiles(path, [_inside(path, name) for name in names], warnings=[f"{error}; not used"])
+    names = _recordings_in(path)
+    if not names:
+        raise BadInput(f"{path}: no recording there; metadata.yaml names {', '.join(missing)}")
+    missing += _lacking_numbers(names)
+    return RunFiles(path, [_inside(path, name) for name in names], warnings=[f"{error}; not used"], missing=missing)
+
+
+def _lacking_numbers(names: list[str]) -> list[str]:
+    """The names that lack between NAME_0.mcap, NAME_1.mcap and so on."""
+    found = [match for name in names if (match := re.fullmatch(r"(.*_)(\d{1,4})\.mcap(\.active)?", name))]
+    there = {(match[1], int(match[2])) for match in found}
+    if len(there) < 2:
+        return []
+    last = max(number for _, number in there)
+    stem = found[0][1]
+    return [f"{stem}{number}.mcap" for number in range(last) if all((match[1], number) not in there for match in found)]
 
 
 def read_inside(directory: Path, name: str) -> bytes | None:
@@ -84,7 +105,8 @@ def mapping_from_yaml(data: bytes, where: str) -> dict[str, Any]:
     return found
 
 
-def _in_directory(directory: Path) -> RunFiles:
+def _in_directory(directory: Path, missing: list[str] | None = None) -> RunFiles:
+    """The files of a directory; names of files that are not there go to `missing`, or raise BadInput without it."""
     data = read_inside(directory, "metadata.yaml")
     if data is None:
         return _without_metadata(directory)
@@ -101,9 +123,12 @@ def _in_directory(directory: Path) -> RunFiles:
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise BadInput(f"{where}: it names no recording (relative_file_paths)")
     recordings = [_inside(directory, name) for name in names]
-    for recording in recordings:
+    for recording in list(recordings):
         if not recording.is_file():
-            raise BadInput(f"{where} names {recording.name}, which is not there")
+            if missing is None:
+                raise BadInput(f"{where} names {recording.name}, which is not there")
+            missing.append(recording.name)
+            recordings.remove(recording)
     return RunFiles(directory, recordings, information)
 
 
