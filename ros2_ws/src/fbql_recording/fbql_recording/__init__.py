@@ -5,8 +5,8 @@ from fbql_recording.core.episodes import Episode
 from fbql_recording.core.steps import Step
 from fbql_recording.mcap.reader import Corrupt, Message, Topic
 from fbql_recording.recorder import Attachment, Channel, Recorder
+from fbql_recording.recovery.parts import Gap
 from fbql_recording.recovery.recover import Recovery, recover
-from fbql_recording.recovery.scan import Gap
 from fbql_recording.run import Run, open_run
 
 __all__ = [

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -31,6 +31,8 @@ class RunFiles:
     information: dict[str, Any] = field(default_factory=dict[str, Any])
     """`rosbag2_bagfile_information` of metadata.yaml; empty without one."""
     warnings: list[str] = field(default_factory=list[str])
+    missing: list[str] = field(default_factory=list[str])
+    """Names of files that belong to it and are not there; only of a damaged recording."""
 
 
 def find_files(path: Path) -> RunFiles:
@@ -55,13 +57,34 @@ def find_damaged_files(path: Path) -> RunFiles:
     Raises:
         BadInput: there is none.
     """
-    try:
+    if not os.path.isdir(path):  # noqa: PTH112 - Path.is_dir raises for a long name
         return find_files(path)
-    except BadInput as error:
-        names = _recordings_in(path) if os.path.isdir(path) else []  # noqa: PTH112 - Path.is_dir raises for a long name
-        if not names:
+    missing: list[str] = []
+    try:
+        files = _in_directory(path, missing)
+        if files.recordings:
+            return replace(files, missing=missing)
+        error = f"{path / 'metadata.yaml'} names no file that is there"
+    except BadInput as found:
+        error = str(found)
+        if not _recordings_in(path):
             raise
-        return RunFiles(path, [_inside(path, name) for name in names], warnings=[f"{error}; not used"])
+    names = _recordings_in(path)
+    if not names:
+        raise BadInput(f"{path}: no recording there; metadata.yaml names {', '.join(missing)}")
+    missing += _lacking_numbers(names)
+    return RunFiles(path, [_inside(path, name) for name in names], warnings=[f"{error}; not used"], missing=missing)
+
+
+def _lacking_numbers(names: list[str]) -> list[str]:
+    """The names that lack between NAME_0.mcap, NAME_1.mcap and so on."""
+    found = [match for name in names if (match := re.fullmatch(r"(.*_)(\d{1,4})\.mcap(\.active)?", name))]
+    there = {(match[1], int(match[2])) for match in found}
+    if len(there) < 2:
+        return []
+    last = max(number for _, number in there)
+    stem = found[0][1]
+    return [f"{stem}{number}.mcap" for number in range(last) if all((match[1], number) not in there for match in found)]
 
 
 def read_inside(directory: Path, name: str) -> bytes | None:
@@ -76,7 +99,8 @@ def read_inside(directory: Path, name: str) -> bytes | None:
     return read_file(path, MAX_TEXT_BYTES)
 
 
-def _in_directory(directory: Path) -> RunFiles:
+def _in_directory(directory: Path, missing: list[str] | None = None) -> RunFiles:
+    """The files of a directory; names of files that are not there go to `missing`, or raise BadInput without it."""
     data = read_inside(directory, "metadata.yaml")
     if data is None:
         return _without_metadata(directory)
@@ -100,8 +124,10 @@ def _in_directory(directory: Path) -> RunFiles:
     for name in names:
         recording = _inside(directory, name)
         if not recording.is_file():
-            raise BadInput(f"{where} names {recording.name}, which is not there")
-        if recordings.setdefault(recording.resolve(), recording) is not recording:
+            if missing is None:
+                raise BadInput(f"{where} names {recording.name}, which is not there")
+            missing.append(recording.name)
+        elif recordings.setdefault(recording.resolve(), recording) is not recording:
             warnings.append(f"{where}: names {recording.name} twice; it is read once")
     return RunFiles(directory, list(recordings.values()), information, warnings)
 

@@ -68,6 +68,7 @@ def _values(found: Recovery, seconds: float) -> dict[str, Any]:
         "complete": found.is_complete,
         "messages_lost": sum(found.messages_lost.values()),
         "messages_lost_by_topic": found.messages_lost,
+        "messages_lost_exact": found.is_exact,
         "steps_lost": max(found.messages_lost.values(), default=0),
         "attachments_lost": found.attachments_lost,
         "cut_off": bool(found.cut_off),
@@ -98,7 +99,10 @@ def _words(found: Recovery) -> str:
     lines += [f"lost before: {what}" for what in found.lost_before]
     if found.messages_lost:
         topics = ", ".join(f"{count} of {topic}" for topic, count in found.messages_lost.items())
-        lines.append(f"lost in total, at least: {sum(found.messages_lost.values())} messages ({topics})")
+        how = "" if found.is_exact else ", at least"
+        lines.append(f"lost in total{how}: {sum(found.messages_lost.values())} messages ({topics})")
+    elif not found.is_exact and found.gaps:
+        lines.append("how many messages are lost is unknown")
     if found.is_complete:
         lines.append("nothing is lost")
     return as_lines([*lines, f"recording  {found.path}"])

@@ -56,6 +56,11 @@ class RecordedSession:
             self.session.restart_episode()
         self._step = step
 
+    def resume(self, episode: int) -> None:
+        """Continues with a later episode, after a gap."""
+        self.session.skip_to_episode(episode)
+        self._episode = None
+
     def left(self, ended: bool) -> None:
         """Call it after a step was decided; `ended`: it was the episode's last."""
         if ended:

@@ -43,6 +43,8 @@ from fbql.replay.recomputation import (
 )
 
 _PROGRESS_STEPS = 4096
+_WITHOUT_MEMORY = ("subsumption", "uniform")
+"""Controllers whose decisions in an episode do not depend on the episodes before it."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class Verification(NamedTuple):
     """The result of recomputing a run."""
 
     steps: int
-    """Identical steps, from the first on."""
+    """Identical steps, of those that were recomputed as a whole."""
     difference: Difference | None
     digest: str
     """Of the recomputed steps."""
@@ -81,7 +83,11 @@ class Verification(NamedTuple):
     unfinished: int
     """Steps with missing messages at the end of a recording that was cut off; not compared."""
     gap: str | None
-    """The step after the first gap of a recovered recording, in words. From there on nothing can be compared."""
+    """The step after the first gap of a recovered recording, in words."""
+    answers_only: int = 0
+    """Steps after a gap of which only the behaviors' answers were recomputed, and are identical."""
+    resumed: str | None = None
+    """The step after the first gap from which on everything was recomputed again, in words."""
 
 
 def verify(run: Run, session: Session, behaviors: RecordedBehaviors, progress: Callable[[int], None]) -> Verification:
@@ -116,27 +122,65 @@ class _Verifier:
         difference: Difference | None = None
         unfinished: StepData | None = None
         gap: str | None = None
+        resumed: str | None = None
+        follows = True
+        """Whether the session is where the recording is."""
+        answers_only = 0
         for data in self._run.step_data():
             if data.after_gap:
-                gap = f"episode {data.episode}, step {data.step} (at {data.stamp_ns / 1e9:.3f} s)"
-                break
-            if unfinished is not None:
+                gap = gap or _words_of(data)
+                follows, unfinished = False, None
+            elif unfinished is not None:
                 difference = self._missing(unfinished)
                 break
             if not (data.data[0] and data.data[-1] and data.data[-2]):
-                unfinished = data
+                # What follows a gap may be the rest of a step.
+                unfinished = None if data.after_gap else data
                 continue
-            difference = self._step(data)
+            if not follows and self._can_resume(data):
+                self._recorded.resume(data.episode)
+                follows, resumed = True, resumed or _words_of(data)
+            difference = self._step(data) if follows else self._answers(data)
             if difference is not None:
                 break
             self._index += 1
+            answers_only += not follows
             if self._index % _PROGRESS_STEPS == 0:
                 progress(self._index)
         if difference is None and unfinished is not None and self._run.is_complete:
             difference = self._missing(unfinished)
-        digest = self._recorded.session.digest
-        left_over = int(unfinished is not None and difference is None)
-        return Verification(self._index, difference, digest, dict(self._not_recomputed), left_over, gap)
+        return Verification(
+            self._index - answers_only,
+            difference,
+            self._recorded.session.digest,
+            dict(self._not_recomputed),
+            int(unfinished is not None and difference is None),
+            gap,
+            answers_only,
+            resumed,
+        )
+
+    def _can_resume(self, data: StepData) -> bool:
+        """Whether a step after a gap begins an episode whose decisions depend on nothing before it."""
+        if self._recorded.session.parameters.controller not in _WITHOUT_MEMORY or data.step != 0:
+            return False
+        try:
+            # An episode that began again is degraded from its first step on.
+            return not self._decision.decode(data.data[-1]).degraded
+        except Malformed as error:
+            raise Corrupt(f"{self._run.path}: episode {data.episode}, step {data.step}: {error}") from None
+
+    def _answers(self, data: StepData) -> Difference | None:
+        """Recomputes the behaviors' answers, which depend on the world state alone."""
+        try:
+            world: World = self._world.decode(data.data[0])
+            for place, recorded in enumerate(data.data[1:-2]):
+                output = self._answer(place, world, recorded) if recorded else None
+                if isinstance(output, _Differs):
+                    return self._differs(data, f"the answer of {self._run.behaviors[place]}", output)
+        except Malformed as error:
+            raise Corrupt(f"{self._run.path}: episode {data.episode}, step {data.step}: {error}") from None
+        return None
 
     def _step(self, data: StepData) -> Difference | None:
         parts = data.data
@@ -201,6 +245,10 @@ class _Verifier:
         return Difference(self._index, data.episode, data.step, data.stamp_ns, what, recorded, recomputed)
 
 
+def _words_of(data: StepData) -> str:
+    return f"episode {data.episode}, step {data.step} (at {data.stamp_ns / 1e9:.3f} s)"
+
+
 class _Differs(NamedTuple):
     field: str
     recorded: Any
@@ -262,7 +310,7 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
             line.show(f"verified {steps} of {total} steps, {steps / (monotonic() - begun_s):.0f} steps/s")
 
         found = verify(run, session, behaviors, progress)
-    if found.steps == 0 and found.difference is None:
+    if found.steps + found.answers_only == 0 and found.difference is None:
         raise BadInput(f"{run.path}: no step in it; there is nothing to verify")
     seconds = monotonic() - begun_s
     difference = found.difference or _other_digest(run, found)
@@ -294,6 +342,8 @@ def _values(
         "not_recomputed": found.not_recomputed,
         "unfinished_steps": found.unfinished,
         "gap": found.gap,
+        "answers_only": found.answers_only,
+        "resumed": found.resumed,
         "complete": run.is_complete,
         "notes": [*notes, *run.warnings],
         "seconds": round(seconds, 3),
@@ -312,7 +362,14 @@ def _words(
         for name, count in found.not_recomputed.items()
     ]
     if found.gap is not None:
-        lines.append(f"not compared: everything from {found.gap} on, because messages before it are lost")
+        lines.append(f"messages before {found.gap} are lost")
+        if found.resumed is not None:
+            lines.append(f"everything is compared again from {found.resumed} on, where an episode begins")
+        if found.answers_only:
+            lines.append(
+                f"of {found.answers_only} steps after a gap only the behaviors' answers were compared, and are identical: "
+                "the decisions depend on what is lost"
+            )
     if found.unfinished:
         lines.append("the last step before the cut is incomplete and was not compared")
     return as_lines([*lines, *notes])

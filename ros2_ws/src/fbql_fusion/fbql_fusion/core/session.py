@@ -168,6 +168,12 @@ class Session:
         self.phase = Phase.GUIDED if self._index < self.guided else self._free_phase
         return self._begin(degraded=False)
 
+    def skip_to_episode(self, episode: int) -> None:
+        """Makes an episode the next to begin, whatever is played now: those before it are not known here."""
+        self._index = episode - 1
+        self._episode = -1
+        self._step = maxsize
+
     def restart_episode(self) -> tuple[int, int]:
         """Restarts the current episode because its world was lost; returns its number and its seed.
 

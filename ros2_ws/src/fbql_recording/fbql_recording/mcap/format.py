@@ -127,7 +127,7 @@ def read_summary(file: BinaryIO, size: int) -> McapSummary | None:
         raise Damaged("its footer is missing")
     file.seek(footer_at)
     footer = file.read(_FOOTER.size)
-    opcode, length, start, _, crc = _FOOTER.unpack(footer)
+    opcode, length, start, _, _ = _FOOTER.unpack(footer)
     if (opcode, length) != (Opcode.FOOTER, 20):
         raise Damaged("its footer is damaged")
     if start == 0:
@@ -136,8 +136,19 @@ def read_summary(file: BinaryIO, size: int) -> McapSummary | None:
         raise Damaged("its footer is damaged")
     if footer_at - start > MAX_RECORD_BYTES:
         raise Damaged(f"its summary is larger than {MAX_RECORD_BYTES >> 20} MiB")
+    return summary_between(file, start, size)
+
+
+def summary_between(file: BinaryIO, start: int, size: int) -> McapSummary:
+    """The summary that begins at a byte of a file of `size` bytes, wherever its footer says that it begins.
+
+    Raises:
+        Damaged: its CRC does not match, or it is not a summary.
+    """
     file.seek(start)
-    data = file.read(footer_at - start)
+    data = file.read(size - FOOTER_BYTES - start)
+    footer = file.read(_FOOTER.size)
+    crc = _FOOTER.unpack(footer)[-1]
     if crc and zlib.crc32(data + footer[:-4]) != crc:
         raise Damaged("the CRC of its summary does not match")
     summary = McapSummary(start, crc != 0)

@@ -6,7 +6,6 @@ import os
 import shutil
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,8 +18,9 @@ from fbql_recording.bag_metadata import BagTopic, profiles_from_text
 from fbql_recording.mcap.reader import Topic
 from fbql_recording.mcap.writer import McapWriter, WriterChannel
 from fbql_recording.recorder import CHUNK_BYTES, finish_bag
+from fbql_recording.recovery.parts import Gap
 from fbql_recording.recovery.run_directory_files import RunDirectoryFiles
-from fbql_recording.recovery.scan import Gap, Scan, SoundMessage
+from fbql_recording.recovery.scan import Scan, SoundMessage
 from fbql_recording.run import open_run
 from fbql_recording.run_directory import create_run_directory
 from fbql_recording.run_files import RunFiles, find_damaged_files
@@ -41,7 +41,9 @@ class Recovery:
     gaps: list[tuple[str, Gap]] = field(default_factory=list[tuple[str, Gap]])
     """What is lost, each with the name of its file."""
     messages_lost: dict[str, int] = field(default_factory=dict[str, int])
-    """By topic: a lower bound."""
+    """By topic: a lower bound, unless `is_exact`."""
+    is_exact: bool = True
+    """Whether `messages_lost` is all; else it is unknown how many more are lost."""
     attachments_lost: list[str] = field(default_factory=list[str])
     """Their names."""
     cut_off: list[str] = field(default_factory=list[str])
@@ -66,7 +68,7 @@ class Recovery:
         """What is lost, in words."""
         chunks, messages = self.chunks_lost, sum(self.messages_lost.values())
         words = [f"{chunks} chunk{'s' * (chunks != 1)}"] * bool(chunks)
-        words += [f"at least {messages} messages"] * bool(messages)
+        words += [f"{'' if self.is_exact else 'at least '}{messages} messages"] * bool(messages)
         words += [f"attachment {name}" for name in self.attachments_lost]
         words += ["what came after the end of the file"] * bool(self.cut_off)
         words += [f"when it was recovered before: {what}" for what in self.lost_before]
@@ -92,11 +94,13 @@ def recover(source: Path, target: Path | None, progress: Callable[[str], None] =
     for path in files.recordings:
         try:
             report = lambda scanned, path=path: progress(f"{path.name}: {scanned >> 20} MiB scanned")  # noqa: E731
-            scans.append(Scan(path, report, continues=path != files.recordings[0]))
+            scans.append(Scan(path, report, continues=scans[-1] if scans else None))
         except BadInput as error:
             if len(files.recordings) == 1:
                 raise
             done.gaps.append((path.name, Gap(0, 0, str(error))))
+    done.gaps += [(name, Gap(0, 0, "a file of this recording that is not there")) for name in files.missing]
+    done.is_exact = not done.gaps and all(scan.is_exact for scan in scans)
     if not scans:
         raise BadInput(f"{files.directory}: no message in it is sound; there is nothing to recover")
     create_run_directory(done.path)
@@ -130,7 +134,6 @@ class _Writing:
         self._places: list[dict[int, int]] = []
         """For each file: channel id -> index of its topic."""
         self._about: dict[str, str] = {}
-        expected = _expected(files) if len(files.recordings) == 1 else {}
         lost: Counter[str] = Counter()
         for scan in scans:
             name = scan.path.name
@@ -139,14 +142,43 @@ class _Writing:
                 done.notes.append(f"{name}: {scan.unchecked} chunks or messages have no CRC: they are used as they are")
             done.gaps += [(name, gap) for gap in scan.gaps]
             done.attachments_lost += [gap.attachment for gap in scan.gaps if gap.attachment]
-            lost += Counter(scan.messages_lost(expected))
+            lost += Counter(scan.messages_lost)
             if not scan.has_end:
                 done.cut_off.append(name)
             for topic in scan.topics.values():
                 if topic not in self._topics:
                     self._topics.append(topic)
             self._places.append({channel: self._topics.index(topic) for channel, topic in scan.topics.items()})
-        done.messages_lost = dict(lost)
+        done.messages_lost = dict(sorted(lost.items()))
+        self._compare_with(_Expected(files))
+
+    def _compare_with(self, expected: _Expected) -> None:
+        """Compares what was found with what metadata.yaml tells. No CRC covers it: it must agree with itself and with
+        everything that is known."""
+        done = self._done
+        kept: Counter[str] = Counter()
+        for scan in self._scans:
+            for channel, topic in scan.topics.items():
+                kept[topic.name] += scan.counts[channel]
+        known = kept + Counter(done.messages_lost)
+        told = expected.messages
+        if told is None or +Counter(told) == +known:
+            done.is_exact |= told is not None
+            return
+        name = "metadata.yaml"
+        if any(known[topic] > told.get(topic, 0) for topic in known):
+            done.notes.append(
+                f"{name} tells of {sum(told.values())} messages, but there were {known.total()}; not used"
+            )
+        elif not done.is_exact:
+            done.messages_lost = {
+                topic: told[topic] - kept[topic] for topic in sorted(told) if told[topic] > kept[topic]
+            }
+            done.is_exact = True
+        else:
+            why = f"it tells of {sum(told.values())} messages, but the files that it names never held more than {known.total()}"
+            done.gaps.append((name, Gap(0, 0, why, is_odd=True)))
+            done.is_exact = False
 
     def write(self, progress: Callable[[str], None]) -> None:
         """Writes the directory. Raises OSError."""
@@ -265,13 +297,20 @@ def _words_of(gap: Gap) -> dict[str, str]:
     return {"why": gap.why, **{name: str(value) for name, value in times.items() if value is not None}}
 
 
-def _expected(files: RunFiles) -> dict[str, int]:
-    """The number of messages of each topic according to metadata.yaml, which was written when the recording was
-    complete."""
-    expected: dict[str, int] = {}
-    for entry in files.information.get("topics_with_message_count") or []:
-        with suppress(TypeError, KeyError):
-            name, count = entry["topic_metadata"]["name"], entry["message_count"]
-            if isinstance(name, str) and isinstance(count, int):
-                expected[name] = count
-    return expected
+class _Expected:
+    """What metadata.yaml, which was written when the recording was complete, tells of the number of messages."""
+
+    def __init__(self, files: RunFiles) -> None:
+        self.messages: dict[str, int] | None = None
+        """By topic; None where it tells nothing, or contradicts itself."""
+        found: dict[str, int] = {}
+        try:
+            for entry in files.information["topics_with_message_count"]:
+                name, count = entry["topic_metadata"]["name"], entry["message_count"]
+                if not isinstance(name, str) or type(count) is not int or count < 0 or name in found:
+                    return
+                found[name] = count
+            if sum(found.values()) == files.information["message_count"]:
+                self.messages = found
+        except (TypeError, KeyError):
+            return

@@ -19,16 +19,17 @@ import re
 import struct
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from fbql_common.core.errors import BadInput
-from fbql_common.core.recording_names import BAG_RECORD, GAP_RECORD, RUN_RECORD
+from fbql_common.core.recording_names import RUN_RECORD
 from fbql_common.files import unreadable
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, ChunkIndex, Header, Metadata, Schema
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from fbql_recording.mcap.format import (
@@ -49,9 +50,22 @@ from fbql_recording.mcap.format import (
     parse,
     parse_chunk,
     read_summary,
+    summary_between,
     unpack,
 )
 from fbql_recording.mcap.reader import Topic, topic_of
+from fbql_recording.recovery.accounting import (
+    Ending,
+    check_steps,
+    chunks_in,
+    compare_with_summary,
+    count_by_numbers,
+    drop_copies,
+    lists_most,
+    order_by_numbers,
+)
+from fbql_recording.recovery.parts import Found, Gap, Span
+from fbql_recording.recovery.step_order import StepReader
 
 _WINDOW = 2**20
 """Bytes that are searched at a time."""
@@ -59,6 +73,10 @@ _AHEAD = 2**16
 """Bytes of a record that are checked for the structure of a record."""
 _HEADS = re.compile(rb"(?=[\x06\x07\x09\x0c]...[\x00-\x04]\x00{4})", re.DOTALL)
 """Heads of a chunk, a message index, an attachment or a Metadata record of at most MAX_RECORD_BYTES."""
+_IN_SUMMARY = (
+    *(Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.SUMMARY_OFFSET),
+    *(Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX),
+)
 _HARMLESS = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE_INDEX)
 """Records whose loss does not interrupt the sequence of messages."""
 
@@ -73,54 +91,19 @@ class SoundMessage(NamedTuple):
     data: bytes
 
 
-@dataclass
-class Gap:
-    """A part of a file that is lost."""
-
-    begin: int
-    end: int
-    """Bytes begin to end - 1."""
-    why: str
-    opcode: int = 0
-    """Of the damaged record, if it can be read."""
-    chunks: int = 0
-    start_ns: int | None = None
-    end_ns: int | None = None
-    """Smallest and largest log time in it [ns]; None: not known."""
-    messages: Counter[int] = field(default_factory=Counter[int])
-    """Messages in it by channel id: a lower bound."""
-    attachment: str = ""
-    """The name of the attachment, if it was one."""
-    is_record: bool = False
-    """Whether it is one record, of which only the length is reliable."""
-    is_between_messages: bool = True
-    """Whether messages, or the notes between them, may be missing between those before and after it."""
-
-
-class _Span(NamedTuple):
-    """A sound record, or several messages outside of chunks."""
-
-    opcode: int
-    begin: int
-    end: int
-    has_crc: bool = True
-    counts: Counter[int] = Counter()  # noqa: RUF012 - never changed
-    """Messages by channel id."""
-
-
 class Scan:
     """The sound records of one MCAP file.
 
     Args:
         path: the file.
         progress: called now and then with the number of bytes scanned.
-        continues: whether the file continues another, so that its messages need not be counted from 1.
+        continues: the file that it continues, if any.
 
     Raises:
         BadInput: it is not a recording of ROS 2, or nothing in it is sound.
     """
 
-    def __init__(self, path: Path, progress: Callable[[int], None], *, continues: bool = False) -> None:
+    def __init__(self, path: Path, progress: Callable[[int], None], *, continues: Scan | None = None) -> None:
         self.path = path
         self.notes: list[str] = []
         """Damage without loss, one line each."""
@@ -133,20 +116,32 @@ class Scan:
         self.has_end = False
         """Whether the file was finished."""
         self._progress = progress
-        self._continues = continues
-        self._found: list[_Span | Gap] = []
+        self.is_exact = False
+        """Whether the number of lost messages is known; else it is a lower bound."""
+        self._found: Found = []
         self._profile: str | None = None
         self._checked: list[Schema | Channel] = []
         """Copies that a CRC covers."""
         self._copies: list[Schema | Channel] = []
         """Copies that none covers."""
-        self._numbers: dict[int, tuple[int, int]] | None = None
-        """Channel -> number of its last message, and how many records had been found then; None: messages are not
-        numbered."""
+        self._is_numbered = continues is not None and continues._is_numbered
+        """Whether the messages are numbered from 1, channel by channel, as our recorder does."""
+        self._about: dict[str, str] | None = None
+        """The recording's description of its run."""
+        self._steps = StepReader()
+        self._schemas: dict[int, Schema] = {}
+        """As read so far, to find the steps."""
         self._indexes_due: dict[int, int] = {}
         """Message indexes of the last sound chunk that are still to come: channel -> messages."""
-        self._index_times: dict[int, tuple[int, int]] = {}
-        """First byte of a gap -> smallest and largest log time by its message indexes."""
+        self._indexes: dict[int, dict[int, tuple[int, int, int]]] = {}
+        """First byte of a gap -> by channel id: messages, smallest and largest log time by its message indexes."""
+        self._before = continues
+        self.ending = Ending()
+        """For the file that continues this one."""
+        self._is_intact = False
+        """Whether the CRC over everything matches."""
+        self._is_displaced = False
+        """Whether the parts need not begin where the summary says."""
         self._data_end: tuple[int, int] | None = None
         """First byte of the DataEnd record, and the CRC of everything before it."""
         try:
@@ -154,6 +149,8 @@ class Scan:
             with path.open("rb") as file:
                 self._file = file
                 self._summary = self._sound_summary()
+                for record in () if self._summary is None else (*self._summary.schemas, *self._summary.channels):
+                    self._describe_steps(record)
                 self._scan()
                 self._conclude()
         except OSError as error:
@@ -174,12 +171,9 @@ class Scan:
             if isinstance(content, Attachment | Metadata):
                 yield content
 
-    def messages_lost(self, expected: Mapping[str, int]) -> dict[str, int]:
-        """The number of lost messages by topic: a lower bound.
-
-        Args:
-            expected: the original number by topic, if metadata.yaml has it.
-        """
+    @property
+    def messages_lost(self) -> dict[str, int]:
+        """The number of lost messages by topic: a lower bound, unless it `is_exact`."""
         known: Counter[str] = Counter()
         kept: Counter[str] = Counter()
         recorded: Counter[str] = Counter()
@@ -190,9 +184,10 @@ class Scan:
         for channel, topic in self.topics.items():
             kept[topic.name] += self.counts[channel]
             recorded[topic.name] += 0 if statistics is None else statistics.channel_message_counts.get(channel, 0)
-        total = Counter(expected) | recorded
-        lost = {name: max(known[name], total[name] - kept[name]) for name in sorted({*known, *total})}
-        return {name: count for name, count in lost.items() if count > 0}
+        if statistics is not None:
+            # The summary's CRC covers it: nothing else knows better.
+            return {name: recorded[name] - kept[name] for name in sorted(recorded) if recorded[name] > kept[name]}
+        return {name: count for name, count in sorted(known.items()) if count > 0}
 
     # From record to record
 
@@ -212,6 +207,9 @@ class Scan:
         at = self._first_record()
         while at < self._limit and not self.has_end:
             self._progress(at)
+            if self._other_begins(at):
+                self._leave_out_other(at)
+                break
             try:
                 end = self._read_record(at)
             except Damaged as damaged:
@@ -224,6 +222,37 @@ class Scan:
             self.notes.append("its last bytes are damaged")
         elif self.has_end and self._summary_damage:
             self.notes.append(self._summary_damage)
+
+    def _other_begins(self, at: int) -> bool:
+        """Whether another recording begins at a byte that follows a record."""
+        return at > len(MCAP0_MAGIC) and self._read(at, len(MCAP0_MAGIC) + 1) == MCAP0_MAGIC + bytes([Opcode.HEADER])
+
+    def _is_of_another(self, about: Metadata) -> bool:
+        """Whether a description of a run, which comes before the messages, is that of another recording."""
+        self._about = about.metadata if self._about is None else self._about
+        return self._about != about.metadata
+
+    def _leave_out_other(self, at: int) -> None:
+        """Ends the scan at a byte where another recording begins."""
+        why = f"another recording begins at byte {at} of the file; it is left out"
+        self._found.append(Gap(at, self.size, why, is_between_messages=False, is_odd=True))
+        self._limit = self.size = at
+
+    def _end_after(self, at: int) -> int | None:
+        """The byte after the end of a recording whose summary begins at a byte; None if it does not."""
+        while at < self.size:
+            head = self._read(at, HEAD.size)
+            if len(head) < HEAD.size:
+                return None
+            opcode, length = HEAD.unpack(head)
+            at += HEAD.size + length
+            if opcode == Opcode.FOOTER:
+                is_end = length == FOOTER_BYTES - HEAD.size - len(MCAP0_MAGIC)
+                is_end = is_end and self._read(at, len(MCAP0_MAGIC)) == MCAP0_MAGIC
+                return at + len(MCAP0_MAGIC) if is_end else None
+            if opcode not in _IN_SUMMARY:
+                return None
+        return None
 
     def _read(self, at: int, size: int) -> bytes:
         self._file.seek(at)
@@ -254,7 +283,8 @@ class Scan:
             raise Damaged("it is cut off")
         opcode, length = HEAD.unpack(head)
         end = at + HEAD.size + length
-        if end > self._bound(at):
+        # Where a chunk with a CRC of its own ends is certain once that matches, wherever it came from.
+        if end > (self._limit if opcode == Opcode.CHUNK else self._bound(at)):
             raise Damaged("it is longer than its space")
         if length > MAX_RECORD_BYTES:
             raise Damaged(f"it is larger than {MAX_RECORD_BYTES >> 20} MiB")
@@ -272,10 +302,7 @@ class Scan:
             if opcode == Opcode.MESSAGE:
                 self._read_message(body, at, end)
         elif opcode == Opcode.DATA_END:
-            if length != 4 or self._search(end) < self._limit:
-                raise Damaged("it is not the end of the data")
-            self._data_end = at, int.from_bytes(body, "little")
-            self.has_end = True
+            self._read_data_end(body, at, end)
         elif opcode == Opcode.FOOTER:
             # A chunk is one flipped bit away from it: what ends the scan must be where a footer is.
             if at != self.size - FOOTER_BYTES or end != self.size - len(MCAP0_MAGIC):
@@ -287,17 +314,17 @@ class Scan:
 
     def _keep(self, record: object, at: int, end: int) -> None:
         if isinstance(record, Attachment):
-            self._found.append(_Span(Opcode.ATTACHMENT, at, end))
+            self._found.append(Span(Opcode.ATTACHMENT, at, end, name=record.name))
         elif isinstance(record, Metadata):
-            self._found.append(_Span(Opcode.METADATA, at, end))
-            if record.name == RUN_RECORD and self._numbers is None:
-                self._numbers = {}
-            elif record.name == GAP_RECORD and self._numbers:
-                # Recovered before: what the numbers lack here is known to be lost.
-                self._numbers = {}
-                self._continues = True
+            if record.name == RUN_RECORD and self._summary is None and self._is_of_another(record):
+                self._leave_out_other(at)
+                return
+            self._found.append(Span(Opcode.METADATA, at, end, name=record.name))
+            if record.name == RUN_RECORD:
+                self._is_numbered = True
         elif isinstance(record, Schema | Channel):
             self._copies.append(record)
+            self._describe_steps(record)
         elif isinstance(record, Header):
             self._profile = record.profile
 
@@ -312,34 +339,87 @@ class Scan:
         def describe(opcode: int, body: bytes) -> None:
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 copies.append(parse(opcode, body))
+                self._describe_steps(copies[-1])
 
         counts: Counter[int] = Counter()
         first: dict[int, int] = {}
         last: dict[int, int] = {}
-        for channel, sequence, _, _, _, _ in messages_in(unpack(chunk), describe):
+        start_ns, end_ns = 2**64, 0
+        data = unpack(chunk)
+        with_steps = self._steps.channels
+        for channel, sequence, log_time_ns, _, begin, stop in messages_in(data, describe):
             counts[channel] += 1
             last[channel] = sequence
             if channel not in first:
                 first[channel] = sequence
+                with_steps = self._steps.channels
+            start_ns, end_ns = min(start_ns, log_time_ns), max(end_ns, log_time_ns)
+            if channel in with_steps:
+                self._steps.add(channel, data[begin:stop])
+        steps = self._steps.take()
+        if end > self._bound(at) and not chunk.crc:
+            raise Damaged("it is longer than its space")
         (self._checked if chunk.crc else self._copies).extend(copies)
-        self._check_numbers(first, last, at)
         self._indexes_due = dict(counts)
-        self.counts += counts
-        self._found.append(_Span(Opcode.CHUNK, at, end, chunk.crc != 0, counts))
+        identity = (chunk.codec, len(chunk.packed), chunk.size, sha256(data).digest())
+        self._found.append(
+            Span(
+                Opcode.CHUNK,
+                at,
+                end,
+                chunk.crc != 0,
+                counts,
+                first,
+                last,
+                start_ns if counts else 0,
+                end_ns,
+                identity,
+                steps,
+            )
+        )
+
+    def _describe_steps(self, record: Schema | Channel) -> None:
+        """Finds the channels that hold steps."""
+        if isinstance(record, Schema):
+            self._schemas.setdefault(record.id, record)
+        elif record.schema_id in self._schemas:
+            with suppress(UnicodeDecodeError):
+                self._steps.describe(record.id, topic_of(record, self._schemas[record.schema_id]))
+
+    def _read_data_end(self, body: bytes, at: int, end: int) -> None:
+        """Reads the end of the data, and the summary after it if it was not found from the end of the file. Raises
+        Damaged."""
+        if len(body) != 4:
+            raise Damaged("it is not the end of the data")
+        if self._summary is None and (size := self._end_after(end)) is not None:
+            if self._other_begins(size):
+                self._leave_out_other(size)
+            elif size < self.size:
+                self.notes.append(f"{self.size - size} bytes follow the end of the recording")
+                self.size = size
+            try:
+                summary = summary_between(self._file, end, size)
+                self._summary_damage = ""
+                if summary.has_crc:
+                    self._summary, self._is_displaced = summary, True
+            except Damaged as damaged:
+                self._summary_damage = str(damaged)
+        elif self._search(end) < self._limit:
+            raise Damaged("it is not the end of the data")
+        self._data_end = at, int.from_bytes(body, "little")
+        self.has_end = True
 
     def _read_message(self, body: bytes, at: int, end: int) -> None:
         """Reads a message outside of chunks, which has no CRC of its own."""
         if len(body) < MESSAGE_BYTES:
             raise Damaged("it is not a message")
-        channel, sequence = struct.unpack_from("<HI", body)
-        self._check_numbers({channel: sequence}, {channel: sequence}, at)
-        self.counts[channel] += 1
+        (channel,) = struct.unpack_from("<H", body)
         before = self._found[-1] if self._found else None
-        if isinstance(before, _Span) and (before.opcode, before.end) == (Opcode.MESSAGE, at):
+        if isinstance(before, Span) and (before.opcode, before.end) == (Opcode.MESSAGE, at):
             before.counts[channel] += 1
-            self._found[-1] = before._replace(end=end)
+            before.end = end
         else:
-            self._found.append(_Span(Opcode.MESSAGE, at, end, False, Counter({channel: 1})))
+            self._found.append(Span(Opcode.MESSAGE, at, end, False, Counter({channel: 1})))
 
     # Behind damage
 
@@ -357,7 +437,7 @@ class Scan:
             inside = length_by_fields(opcode, head[HEAD.size :]) if opcode == Opcode.ATTACHMENT else None
             if inside is not None and at + HEAD.size + inside <= bound:
                 start = at + HEAD.size + inside
-        return bound if self._indexed else self._search(start)
+        return self._search(start, bound)
 
     def _is_record(self, at: int) -> bool:
         """Whether the bytes at a place have the structure of a record."""
@@ -375,20 +455,23 @@ class Scan:
         begin = offset + HEAD.size
         return fits(opcode, length, data[begin : begin + min(length, _AHEAD)])
 
-    def _search(self, at: int) -> int:
+    def _search(self, at: int, limit: int | None = None) -> int:
         """The first byte from `at` on that has the structure of a record; the limit where there is none."""
-        while at < self._limit:
+        limit = self._limit if limit is None else limit
+        while at < limit:
             self._progress(at)
             window = self._read(at, _WINDOW)
-            is_last = at + len(window) >= self._limit
+            is_last = at + len(window) >= limit
             # What begins in a window's last bytes is looked at again at the beginning of the next.
             for match in _HEADS.finditer(window, 0, len(window) if is_last else _WINDOW - _AHEAD + HEAD.size):
+                if at + match.start() >= limit:
+                    return limit
                 if self._has_structure(window, match.start(), at + match.start()):
                     return at + match.start()
             if is_last:
                 break
             at += _WINDOW - _AHEAD
-        return self._limit
+        return limit
 
     def _add_gap(self, at: int, end: int, damaged: Damaged) -> None:
         head = self._read(at, _AHEAD)
@@ -420,56 +503,53 @@ class Scan:
 
     # How many messages are missing
 
-    def _gaps_since(self, place: int) -> list[Gap]:
-        return [gap for gap in self._found[place:] if isinstance(gap, Gap) and not gap.attachment]
-
     def _read_message_index(self, body: bytes) -> None:
         """Counts the messages of the chunk before a message index, if that chunk is lost."""
         (channel,) = struct.unpack_from("<H", body)
         times = struct.unpack_from(f"<{(len(body) - 6) // 8}Q", body, 6)[::2]
         if self._indexes_due.pop(channel, None) == len(times) or not times:
             return
-        for gap in reversed(self._found):
-            if not isinstance(gap, Gap):
-                return
-            if not gap.attachment:
-                gap.messages[channel] += len(times)
-                known = self._index_times.get(gap.begin, (times[0], times[0]))
-                self._index_times[gap.begin] = min(known[0], *times), max(known[1], *times)
-                return
+        before = next((part for part in reversed(self._found) if not (isinstance(part, Gap) and part.attachment)), None)
+        if isinstance(before, Gap):
+            self._indexes.setdefault(before.begin, {}).setdefault(channel, (len(times), min(times), max(times)))
 
-    def _check_numbers(self, first: Mapping[int, int], last: Mapping[int, int], at: int) -> None:
-        """Counts the messages of each channel that are missing before a byte, by their numbers."""
-        if self._numbers is None:
-            return
-        for channel, number in first.items():
-            before, place = self._numbers.get(channel, (number - 1 if self._continues else 0, 0))
-            missing = number - before - 1
-            gaps = self._gaps_since(place)
-            if missing > 0 and not gaps:
-                gaps = [Gap(at, at, f"messages before byte {at} are not there")]
-                self._found += gaps
-            unknown = missing - sum(gap.messages[channel] for gap in gaps)
-            if unknown < 0:
-                # A message index is damaged. The numbers are not: a CRC covers them.
-                for gap in gaps:
-                    del gap.messages[channel]
-                unknown = missing
-            if unknown > 0:
-                next((gap for gap in gaps if not gap.messages[channel]), gaps[-1]).messages[channel] += unknown
-        for channel, number in last.items():
-            self._numbers[channel] = number, len(self._found) + 1
+    def _believe_indexes(self) -> None:
+        """Describes each gap by its chunk's head and message indexes, none of which a CRC covers: only if they agree."""
+        for gap in self.gaps:
+            indexes = self._indexes.get(gap.begin, {})
+            start_ns = min((start for _, start, _ in indexes.values()), default=None)
+            end_ns = max((end for _, _, end in indexes.values()), default=None)
+            if start_ns is not None and (gap.start_ns, gap.end_ns) == (start_ns, end_ns):
+                gap.messages = Counter({channel: count for channel, (count, _, _) in indexes.items()})
+            else:
+                gap.start_ns, gap.end_ns = None, None
 
     # What only the whole file shows
 
     def _conclude(self) -> None:
         self._drop_unchecked()
         self._describe()
+        if self._is_displaced and self._summary is not None and not lists_most(self._found, self._summary):
+            self._summary = None
         summary = self._summary
-        if summary is not None and self._indexed:
-            self._compare_with(summary)
+        if summary is not None:
+            compare_with_summary(self._found, summary, is_displaced=self._is_displaced)
+            self._forgive(summary)
         else:
+            self._believe_indexes()
+            drop_copies(self._found)
+            if self._is_numbered:
+                order_by_numbers(self._found)
+                self._count()
             self._weigh_gaps()
+        steps = check_steps(self._found, None if self._before is None else self._before.ending.steps)
+        self.ending.steps = steps
+        self.counts = sum((part.counts for part in self._found if isinstance(part, Span)), Counter[int]())
+        is_odd = any(gap.is_odd for gap in self.gaps)
+        self.is_exact = summary is not None or (self._is_intact and not is_odd)
+        if summary is not None:
+            self.is_exact = not any(gap.is_odd and gap.begin == gap.end and "sequence" in gap.why for gap in self.gaps)
+        self._check_whole()
         if self._profile not in PROFILES:
             if self._profile is not None and {topic.message_encoding for topic in self.topics.values()} != {"cdr"}:
                 raise BadInput(f"{self.path}: its profile is '{self._profile}'; recordings of ROS 2 have 'ros2'")
@@ -478,20 +558,44 @@ class Scan:
         if not self.counts.total() and not (self.has_end and not self.gaps):
             raise BadInput(f"{self.path}: no message in it is sound; there is nothing to recover")
 
+    def _count(self) -> None:
+        """Counts what is missing by the numbers of the messages, on from the file before this one."""
+        before: dict[int, int] | None = {}
+        if self._before is not None:
+            # Each file may count from 1 again.
+            reached = self._before.ending.numbers
+            first = {c: n for _, chunk in reversed(list(chunks_in(self._found))) for c, n in chunk.first.items()}
+            on = {c: reached[t.name] for c, t in self.topics.items() if t.name in reached}
+            follows = bool(on) and all(first.get(channel, number + 1) > number for channel, number in on.items())
+            before = on if follows and any(number != 1 for number in first.values()) else None
+        numbers = count_by_numbers(self._found, before)
+        self.ending.numbers = {self.topics[c].name: number for c, number in numbers.items() if c in self.topics}
+
+    def _check_whole(self) -> None:
+        """Compares all that was read with the one CRC over everything."""
+        if self._data_end is None or self._data_end[1] == 0 or self._is_intact or self.gaps:
+            return
+        why = "the CRC over everything in it does not match"
+        if self._summary is None:
+            self._found.append(Gap(0, self.size, f"{why}; what differs is not known", is_between_messages=False))
+        elif not self.notes:
+            self.notes.append(f"{why}, but those of its parts do")
+
     def _drop_unchecked(self) -> None:
         """Drops data that only the CRC of the data section covers, if that does not match."""
-        unchecked = [span for span in self._found if isinstance(span, _Span) and not span.has_crc]
+        if self._data_end is not None and self._data_end[1] and not self.gaps:
+            self._is_intact = data_crc(self._file, self._data_end[0]) == self._data_end[1]
+        unchecked = [span for span in self._found if isinstance(span, Span) and not span.has_crc]
         if not unchecked:
             return
         if self._data_end is None or self._data_end[1] == 0:
             self.unchecked = sum(1 if span.opcode == Opcode.CHUNK else span.counts.total() for span in unchecked)
-        elif data_crc(self._file, self._data_end[0]) != self._data_end[1]:
+        elif not self._is_intact:
             for place, span in enumerate(self._found):
-                if isinstance(span, _Span) and not span.has_crc:
+                if isinstance(span, Span) and not span.has_crc:
                     why = f"bytes {span.begin} to {span.end - 1}: the CRC of the file's data does not match, and they have no other"
                     chunks = int(span.opcode == Opcode.CHUNK)
                     self._found[place] = Gap(span.begin, span.end, why, span.opcode, chunks, messages=span.counts)
-                    self.counts -= span.counts
 
     def _describe(self) -> None:
         """Chooses among the copies of each schema and channel; if no CRC covers any of them, they must not contradict
@@ -523,47 +627,30 @@ class Scan:
                 except UnicodeDecodeError:
                     self.notes.append(f"topic {channel.topic}: the definition of its messages is not a text")
 
-    def _compare_with(self, summary: McapSummary) -> None:
-        """Describes each gap by the summary: no gap extends beyond the next record that the summary points to."""
-        harmless: list[Gap] = []
-        has_messages = False
-        for found in self._found:
-            if isinstance(found, _Span):
-                has_messages |= bool(found.counts)
-                continue
-            gap, chunk = found, summary.chunks.get(found.begin)
-            attachment, metadata = summary.attachments.get(gap.begin), summary.metadata.get(gap.begin)
-            gap.chunks, gap.start_ns, gap.end_ns = 0, None, None
-            gap.attachment = attachment.name if attachment is not None else ""
-            gap.is_between_messages = chunk is not None or (metadata is not None and has_messages)
-            if chunk is not None:
-                gap.chunks, gap.start_ns, gap.end_ns = 1, chunk.message_start_time, chunk.message_end_time
-                gap.messages = _messages_in(chunk)
-            elif not (attachment or gap.messages) and (metadata is None or metadata.name == BAG_RECORD):
-                harmless.append(gap)
+    def _forgive(self, summary: McapSummary) -> None:
+        """Makes notes of the gaps in which nothing is lost, by a summary that lists everything."""
+        harmless = [
+            gap for gap in self.gaps if not (gap.chunks or gap.attachment or gap.is_odd or gap.is_between_messages)
+        ]
+        kept = sum(part.counts.total() for part in self._found if isinstance(part, Span))
         lost = sum(gap.messages.total() for gap in self.gaps)
-        if summary.statistics is None or summary.statistics.message_count == self.counts.total() + lost:
+        if summary.statistics is None or summary.statistics.message_count == kept + lost:
             self.notes += [gap.why for gap in harmless]
-            self._found = [found for found in self._found if found not in harmless]
+            self._found = [part for part in self._found if part not in harmless]
 
     def _weigh_gaps(self) -> None:
         """Describes each gap as far as possible without a summary."""
         has_messages = False
-        for found in self._found:
-            if isinstance(found, _Span):
-                has_messages |= bool(found.counts)
+        for part in self._found:
+            if isinstance(part, Span):
+                has_messages |= bool(part.counts)
                 continue
-            gap = found
+            gap = part
+            if gap.is_odd:
+                continue
             gap.messages = +gap.messages
             gap.chunks = max(gap.chunks, int(bool(gap.messages)))
-            by_index = self._index_times.get(gap.begin) if gap.messages else None
-            by_head = None if gap.start_ns is None or gap.end_ns is None else (gap.start_ns, gap.end_ns)
-            # Neither has a CRC: times are reported if they make sense and nothing contradicts them.
-            start_ns, end_ns = by_head or by_index or (1, 0)
-            first_ns, last_ns = by_index or (start_ns, end_ns)
-            is_likely = start_ns <= first_ns <= last_ns <= end_ns
-            gap.start_ns, gap.end_ns = (start_ns, end_ns) if is_likely else (None, None)
-            is_in_front = not has_messages and (gap.is_record or self._numbers is not None)
+            is_in_front = not has_messages and (gap.is_record or self._is_numbered)
             is_harmless = gap.is_record and gap.opcode in _HARMLESS
             gap.is_between_messages = bool(gap.chunks) or not (gap.attachment or is_in_front or is_harmless)
 
@@ -571,13 +658,14 @@ class Scan:
         """Drops messages of channels without a reliable description."""
         for channel in [channel for channel in self.counts if channel not in self.topics]:
             count = self.counts.pop(channel)
+            self.is_exact = False
             if count:
                 why = f"{count} messages: no undamaged record describes channel {channel}"
                 self._found.insert(0, Gap(0, self.size, why, messages=Counter({channel: count})))
 
     # What is there
 
-    def _read_again(self, is_wanted: Callable[[_Span], bool]) -> Iterator[SoundMessage | Attachment | Metadata | Gap]:
+    def _read_again(self, is_wanted: Callable[[Span], bool]) -> Iterator[SoundMessage | Attachment | Metadata | Gap]:
         try:
             with self.path.open("rb") as file:
                 for found in self._found:
@@ -588,7 +676,7 @@ class Scan:
         except OSError as error:
             raise unreadable(self.path, error) from None
 
-    def _read_span(self, file: BinaryIO, span: _Span) -> Iterator[SoundMessage | Attachment | Metadata]:
+    def _read_span(self, file: BinaryIO, span: Span) -> Iterator[SoundMessage | Attachment | Metadata]:
         at = span.begin
         while at < span.end:
             file.seek(at)
@@ -603,13 +691,3 @@ class Scan:
             for channel, sequence, log_time_ns, publish_time_ns, begin, end in messages_in(data):
                 if channel in self.topics:
                     yield SoundMessage(channel, sequence, log_time_ns, publish_time_ns, data[begin:end])
-
-
-def _messages_in(chunk: ChunkIndex) -> Counter[int]:
-    """Messages of a chunk by channel id: the sizes of its message indexes, which follow each other, give the
-    numbers."""
-    begins = sorted((begin, channel) for channel, begin in chunk.message_index_offsets.items())
-    ends = [begin for begin, _ in begins[1:]]
-    ends.append(chunk.chunk_start_offset + chunk.chunk_length + chunk.message_index_length)
-    sizes = {channel: end - begin - HEAD.size - 6 for (begin, channel), end in zip(begins, ends, strict=False)}
-    return Counter({channel: size // 16 for channel, size in sizes.items() if size > 0 and size % 16 == 0})
