@@ -17,7 +17,7 @@ from places import ROOT
 BENCHMARKS = ROOT / "benchmarks"
 
 
-@pytest.mark.parametrize("controller", ["fbql_literal", "fbql", "subsumption"])
+@pytest.mark.parametrize("controller", [pytest.param("fbql_literal", marks=pytest.mark.long), "fbql", "subsumption"])
 def test_the_benchmark_of_an_episode_prints_one_object_with_its_figures(
     controller: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from commands import make_trees
 from fbql.demonstrations.instruct import instruct
-from fbql.demonstrations.make_tree import make_tree
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.evaluation import cross_validated_rmse, wheel_rmse
 from fbql_behaviors.core.induction import InductionParameters, induce
@@ -16,7 +15,7 @@ from fbql_behaviors.core.patterns import Patterns, patterns_of
 from fbql_behaviors.core.recipes import RECIPES, Recipe, recipe_of
 from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.shipped import shipped_trees
-from fbql_behaviors.storage import load_tree, tree_to_bytes
+from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.geometry import approach_angle, wall_distance_and_bearing
 from fbql_sim.core.world_loop import WorldLoop
@@ -37,14 +36,9 @@ def demonstrated(behavior: str, seed: int) -> Patterns:
     return patterns_of(demonstrations, OBSERVATIONS[behavior], recipe.every, recipe.patterns)
 
 
-@EVERY_BEHAVIOR
-def test_a_shipped_tree_is_made_again_from_the_committed_seeds(behavior: str) -> None:
-    tree = make_tree(behavior).tree
-    assert tree.hash == load_tree(shipped(behavior)).hash
-    assert tree_to_bytes(tree) == shipped(behavior).read_bytes()
-
-
-def test_the_command_makes_every_shipped_tree(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_makes_every_shipped_tree_again_from_the_committed_seeds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert make_trees(["--out", str(tmp_path), "--json"]) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in shipped_trees().iterdir())
     assert all((tmp_path / path.name).read_bytes() == path.read_bytes() for path in shipped_trees().iterdir())

@@ -83,7 +83,6 @@ def test_a_match_has_the_same_digest_installed_by_its_door_and_by_ros2_run(fbql:
     [
         ("--help", "bringup"),
         ("--version", "0."),
-        ("train --help", "--controller"),
         ("replay RUN --verify", "identical"),
         ("report RUN --out page", "report page"),
         ("recover RUN", "nothing is lost"),

@@ -63,8 +63,9 @@ def episode(index: int, outcome: str | None, steps: int = 10, phase: str = "lear
     )
 
 
-def test_a_success_counts_what_it_took_since_the_one_before(tmp_path):
-    episodes = [
+@pytest.fixture(scope="module")
+def episodes() -> list[Episode]:
+    return [
         episode(0, "goal", 99, phase="guided", begun=9),
         episode(1, "timeout", 100),
         episode(2, "own_goal", 20),
@@ -73,9 +74,19 @@ def test_a_success_counts_what_it_took_since_the_one_before(tmp_path):
         *(episode(number, "goal", 50) for number in range(5, 9)),
         episode(9, None, 7),
     ]
+
+
+@pytest.fixture(scope="module")
+def drawn(episodes, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Their figures. Not to be changed."""
+    place = tmp_path_factory.mktemp("drawn")
+    write_figures(episodes, "a $title", place)
+    return place
+
+
+def test_a_success_counts_what_it_took_since_the_one_before(episodes, drawn):
     assert len(course_of(episodes)) == 8
-    write_figures(episodes, "a $title", tmp_path)
-    first, second, _, _, fifth, sixth = rows_of(tmp_path / "successes.csv")
+    first, second, _, _, fifth, sixth = rows_of(drawn / "successes.csv")
     assert (first["failures"], first["steps"], first["all_steps"], first["collisions_begun"]) == ("2", "30", "150", "1")
     assert (second["failures"], second["steps"], second["all_steps"], second["contact_steps"]) == ("0", "40", "40", "6")
     assert second["mean_failures"] == second["mean_success_rate"] == "", "no five successes yet"
@@ -89,13 +100,11 @@ def test_without_a_goal_the_figures_say_so(tmp_path):
     assert rows_of(tmp_path / "successes.csv") == []
 
 
-def test_the_same_episodes_give_the_same_files(tmp_path):
-    contents: list[dict[str, bytes]] = []
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-        files = write_figures([episode(0, "goal"), episode(1, "timeout"), episode(2, "goal")], "same", tmp_path / name)
-        contents.append({file.name: file.read_bytes() for file in files})
-    assert contents[0] == contents[1]
+def test_the_same_episodes_give_the_same_files(episodes, drawn, tmp_path):
+    files = write_figures(episodes, "a $title", tmp_path)
+    assert {file.name: file.read_bytes() for file in files} == {
+        file.name: file.read_bytes() for file in drawn.iterdir()
+    }
 
 
 def test_figures_that_are_there_are_only_replaced_by_force(recorded, tmp_path, capsys):
