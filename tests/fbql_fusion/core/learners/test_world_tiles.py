@@ -45,7 +45,7 @@ def test_the_tiles_have_these_widths() -> None:
     ball_and_robot = (0.35, 0.35, 0.35, 0.35, 0, 0, 0, 0)
     robot_from_ball = (0.3, 0, 0, 0, 0.2, 0.2, 0, 0)
     ball_and_velocity = (0.3, 0.3, 0, 0, 0, 0, 0.3, 0.3)
-    assert GROUPS == (ball, ball_and_robot, robot_from_ball, ball_and_velocity)
+    assert (ball, ball_and_robot, robot_from_ball, ball_and_velocity) == GROUPS
 
 
 @given(worlds())
