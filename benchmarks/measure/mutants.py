@@ -108,6 +108,8 @@ def study(chosen: Sequence[Candidate], out: Path) -> list[dict[str, Any]]:
     if todo:
         out.parent.mkdir(parents=True, exist_ok=True)
         with private_copy() as place, out.open("a") as file:
+            if out.stat().st_size and not out.read_bytes().endswith(b"\n"):
+                file.write("\n")  # the last line was cut off
             for core in sorted({each.core for each in todo}):
                 _check_unchanged(place, core)
             for number, each in enumerate(todo, start=1):
