@@ -386,4 +386,5 @@ def test_flat_columns_are_named_by_behavior():
     columns = flat(columns_of([step_at(0, 0)], EVERYTHING), BEHAVIORS)
     assert {column.ndim for column in columns.values()} == {1}
     assert columns["weights.b"].tolist() == [0.75]
+    assert (columns["step"].tolist(), columns["phase"].tolist()) == ([0], [1])
     assert columns["observation.b.1"].tolist() == [0.75]
