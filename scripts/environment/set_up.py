@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import signal
+import stat
 import sys
 from collections.abc import Generator, Mapping
 from pathlib import Path
@@ -35,7 +36,7 @@ def set_up(target: Target, purpose: str, environ: Mapping[str, str]) -> list[Pac
     """
     check_path(target.root)
     try:
-        with ended_by_signals(), exclusive(target.state / "lock") as lock:
+        with ended_by_signals(), readable_as(target.root), exclusive(target.state / "lock") as lock:
             work = SetUp(target, purpose, environ, lock)
             work.go()
             return work.packages
@@ -129,6 +130,7 @@ class SetUp:
             if self.held and not self.has_changed_environment:
                 unfinished.unlink()
             raise
+        open_up(self.target.venv, self.target.root)
         installed = {
             "run",
             *self.purposes,
@@ -194,6 +196,12 @@ class SetUp:
         """Build the stale packages, each from scratch, so that no removed file or message stays behind."""
         wanted = self.target.fingerprints(self.packages)
         stale = self.target.stale(self.packages)
+        layout = self.target.install / ".colcon_install_layout"
+        if layout.exists() and layout.read_text().strip() != "isolated":
+            say(f"{self.target.install} has another layout than ours ({layout.read_text().strip()}): it is made afresh")
+            remove(self.target.install)
+            remove(self.target.build)
+            stale = [package.name for package in self.packages]
         for name in stale:
             self.remove_build(name)
         colcon = self.which("colcon") if self.target.underlay else str(self.target.venv / "bin" / "colcon")
@@ -222,8 +230,19 @@ class SetUp:
     def run(self, log: str, command: list[str], step: Step, environ: dict[str, str] | None = None) -> None:
         """Run a program of this set-up; pip and uv need none of the wheels' libraries."""
         environ = environ or {**tool_environment(self.environ), BOOTSTRAPPED: "1", "UV_PYTHON_DOWNLOADS": "never"}
+        if not writable_home(environ):
+            home = self.target.state / "home"
+            home.mkdir(exist_ok=True)
+            environ = {**environ, "HOME": str(home), "XDG_CACHE_HOME": str(home / ".cache")}
         place = self.target.workspace
         child.run(command, environ=environ, log=self.logs / f"{log}.txt", lock=self.lock, step=step, cwd=place)
+
+
+def writable_home(environ: Mapping[str, str]) -> bool:
+    """Whether the user's home, and the cache in it if there is one, can be written: installers and CMake keep files there."""
+    home = Path(environ.get("HOME") or "/nonexistent")
+    cache = Path(environ.get("XDG_CACHE_HOME") or home / ".cache")
+    return all(os.access(place, os.W_OK) for place in (home, cache) if place == home or place.exists())
 
 
 def remove(path: Path) -> None:
@@ -234,6 +253,32 @@ def remove(path: Path) -> None:
         path.unlink()
     elif path.exists():
         shutil.rmtree(path)
+
+
+@contextlib.contextmanager
+def readable_as(root: Path) -> Generator[None, None, None]:
+    """Make new files as readable for others as the checkout is, whatever the umask: who can read it can then run it."""
+    before = os.umask(0o077)
+    os.umask(before & ~(root.stat().st_mode & 0o055))
+    try:
+        yield
+    finally:
+        os.umask(before)
+
+
+def open_up(directory: Path, root: Path) -> None:
+    """Make what is in a directory as readable for others as the checkout is: a cache may have given private files."""
+    others = root.stat().st_mode & 0o055
+    for place, directories, files in os.walk(directory):
+        for name in (*directories, *files):
+            path = os.path.join(place, name)  # noqa: PTH118 - tens of thousands of files
+            mode = os.lstat(path).st_mode
+            if stat.S_ISLNK(mode):
+                continue
+            owner = mode & 0o500
+            wanted = mode | ((owner >> 3 | owner >> 6) & others)
+            if wanted != mode:
+                os.chmod(path, stat.S_IMODE(wanted))  # noqa: PTH101
 
 
 @contextlib.contextmanager

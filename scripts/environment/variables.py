@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -26,6 +27,12 @@ def process_environment(
     result = without_foreign_ros(target, environ, warns)
     for name in ("PYTHONHOME", BOOTSTRAPPED):
         result.pop(name, None)
+    entries = split_path(result.get("PYTHONPATH"))
+    other = [entry for entry in entries if is_of_another_python(entry)]
+    if other:
+        set_path(result, "PYTHONPATH", [entry for entry in entries if entry not in other])
+        if warns:
+            say(f"{other[0]} on PYTHONPATH belongs to another Python: it is ignored")
     prefixes = [target.install / package.name for package in packages]
     python = [
         target.install / package.name / "lib/python3.12/site-packages"
@@ -38,6 +45,8 @@ def process_environment(
         # The executables' shebang may be the system's python3: give it the packages of our environment as well.
         append(result, "PYTHONPATH", [target.site_packages])
     else:
+        # Before the user's own entries, which must not replace a locked package.
+        python.append(target.site_packages)
         libraries += [target.venv / "lib", *sorted(target.site_packages.glob("ros_*.libs"))]
         prefixes.append(target.venv)
         result[BOOTSTRAPPED] = "1"
@@ -59,6 +68,8 @@ def build_environment(target: Target, environ: Mapping[str, str]) -> dict[str, s
     result.pop("PYTHONDONTWRITEBYTECODE", None)
     if not target.underlay:
         result.pop("PYTHONPATH", None)
+    for name in [name for name in result if name.startswith("COLCON_")]:
+        del result[name]  # such as COLCON_DEFAULTS_FILE, which may choose another layout of the install space
     result["COLCON_HOME"] = str(target.state / "colcon")  # the user's colcon defaults are for other work
     return result
 
@@ -97,6 +108,12 @@ def without_foreign_ros(target: Target, environ: Mapping[str, str], warns: bool)
     if rmw != "rmw_fastrtps_cpp" and warns:
         say(f"RMW_IMPLEMENTATION={rmw} is ignored: the wheels contain only rmw_fastrtps_cpp")
     return result
+
+
+def is_of_another_python(path: Path) -> bool:
+    """Whether a directory is the library or the packages of a Python other than 3.12."""
+    versions = [re.fullmatch(r"python(\d\.\d+)", part) for part in path.parts]
+    return any(version is not None and version[1] != "3.12" for version in versions)
 
 
 def prepend(environ: dict[str, str], name: str, entries: list[Path]) -> None:

@@ -34,10 +34,32 @@ def test_the_variables_lead_to_the_environment_and_every_package(made: Target) -
     python_path = [f"{made.install}/messages/lib/python3.12/site-packages", f"{made.build}/node"]
     assert entries(environ, "PATH") == [f"{made.venv}/bin", "/usr/bin"]
     assert entries(environ, "AMENT_PREFIX_PATH") == entries(environ, "CMAKE_PREFIX_PATH") == prefixes
-    assert entries(environ, "PYTHONPATH") == [*python_path, "/mine"]
+    assert entries(environ, "PYTHONPATH") == [*python_path, str(made.site_packages), "/mine"]
     expected = [f"{made.install}/messages/lib", f"{made.venv}/lib", *map(str, libraries)]
     assert entries(environ, "LD_LIBRARY_PATH") == expected
     assert environ[BOOTSTRAPPED] == "1"
+
+
+def test_packages_of_another_python_are_left_out_and_none_of_the_users_own_come_before_the_locked(
+    made: Target, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = "/mine:/usr/lib/python3.10/site-packages:/opt/py/lib/python3.12/site-packages:/home/me/.local/lib/python3.9"
+    environ = process_environment(made, {"PYTHONPATH": given}, [])
+    assert entries(environ, "PYTHONPATH") == [
+        str(made.site_packages), "/mine", "/opt/py/lib/python3.12/site-packages",
+    ]  # fmt: skip
+    assert capsys.readouterr().err.count("belongs to another Python: it is ignored") == 1
+
+
+def test_no_variable_of_colcon_reaches_the_build(made: Target) -> None:
+    given = {
+        "COLCON_DEFAULTS_FILE": "/x.yaml",
+        "COLCON_LOG_LEVEL": "9",
+        "COLCON_EXTENSION_BLOCKLIST": "a",
+        "HOME": "/h",
+    }
+    environ = build_environment(made, given)
+    assert [name for name in environ if name.startswith("COLCON_")] == ["COLCON_HOME"]
 
 
 def test_the_users_choices_stay_and_discovery_is_local_by_default(made: Target) -> None:
@@ -61,7 +83,7 @@ def test_another_distro_is_taken_out_with_one_warning(made: Target, capsys: pyte
     environ = process_environment(made, sourced, [])
     assert not any("/opt/ros" in value or "/home/me" in value for value in environ.values())
     assert not {"ROS_DISTRO", "ROS_VERSION", "COLCON_PREFIX_PATH", "RMW_IMPLEMENTATION", "PYTHONHOME"} & set(environ)
-    assert environ["PYTHONPATH"] == "/mine"
+    assert entries(environ, "PYTHONPATH") == [str(made.site_packages), "/mine"]
     said = capsys.readouterr()
     assert said.out == ""
     assert "ROS 2 humble is sourced" in said.err

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import re
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -173,11 +176,126 @@ def test_reset_options_that_cannot_be_used_are_refused(options: dict[str, Any]) 
         made().reset(options=options)
 
 
-def test_a_command_that_is_no_number_is_refused() -> None:
+@pytest.mark.parametrize(
+    "action",
+    [[np.nan, 0.0], [0.0, np.inf], [0.0], [0.0] * 3, [[0.0, 0.0]], 0.5, None, "ab", ["1", "2"], [True, False],
+     [1j, 0.0], [[0.0], [0.0, 1.0]], []],
+)  # fmt: skip
+def test_an_action_that_is_not_two_numbers_is_refused_in_one_line_and_nothing_moves(action: Any) -> None:
+    env = made(hold_steps=4)
+    env.reset(seed=0)
+    before = env.world
+    with pytest.raises(ValueError, match=r"^[^\n]*action[^\n]*$"):
+        env.step(action)
+    assert env.world == before
+    env.step([0.5, 1])
+
+
+@pytest.mark.parametrize("options", [5, "episode_seed", {"episode_seed": True}, {1: 2}])
+def test_reset_options_of_a_wrong_kind_are_refused_and_the_episode_goes_on(options: Any) -> None:
     env = made()
     env.reset(seed=0)
-    with pytest.raises(ValueError, match="finite"):
-        env.step(np.array([np.nan, 0.0]))
+    before = env.world
+    with pytest.raises(BadInput, match=r"^environment: [^\n]*reset option[^\n]*$"):
+        env.reset(seed=1, options=options)
+    assert env.world == before
+    env.step(np.zeros(2))
+
+
+@pytest.mark.parametrize("action", [np.zeros(2), np.array([np.nan, 0.0])])
+def test_a_step_outside_of_an_episode_is_refused_in_one_line_whatever_the_action(action: Any) -> None:
+    env = made(max_steps=2)
+    with pytest.raises(RuntimeError, match=r"^no episode has begun: call reset first$"):
+        env.step(action)
+    env.reset(seed=0)
+    env.step(np.zeros(2))
+    env.step(np.zeros(2))
+    for _ in range(2):
+        with pytest.raises(RuntimeError, match=r"^episode 0 ended at step 2: call reset first$"):
+            env.step(action)
+    env.reset()
+    env.step(np.zeros(2))
+
+
+# Copies, and what other libraries do with an environment
+
+
+def by_pickle(env: Any) -> Any:
+    return pickle.loads(pickle.dumps(env))
+
+
+@pytest.mark.parametrize("copy_of", [copy.deepcopy, by_pickle])
+@pytest.mark.parametrize("hold_steps", [1, 3])
+def test_a_copy_continues_as_the_original_bit_for_bit(copy_of: Callable[[Any], Any], hold_steps: int) -> None:
+    """Also amid a contact with a wall, which the solver of the physics remembers; and in the episodes after this one."""
+    env = made(hold_steps=hold_steps, max_steps=300)
+    env.reset(seed=4)
+    rng = np.random.default_rng(3)
+    copies = [(copy_of(env), env.world)]
+    in_contact = False
+    while not in_contact:
+        _, _, terminated, truncated, info = env.step([1.0, 0.9])
+        in_contact = info["collision_steps"] > 0
+        if terminated or truncated:
+            env.reset()
+    copies.append((copy_of(env), env.world))
+    copies.append((copy_of(copy_of(env)), env.world))
+    for other, world in copies:
+        assert other.world == world
+    other = copies[-1][0]
+    for _ in range(700):
+        action = rng.uniform(-1.0, 1.0, 2).astype(np.float32) if rng.random() < 0.5 else np.ones(2, np.float32)
+        one, two = env.step(action), other.step(action)
+        assert env.world == other.world
+        assert one[0].tobytes() == two[0].tobytes()
+        assert one[1:] == two[1:]
+        if one[2] or one[3]:
+            assert env.reset()[1] == other.reset()[1]
+    assert copies[1][0].world == copies[1][1], "a copy is not moved by the original"
+
+
+@pytest.mark.parametrize("copy_of", [copy.deepcopy, by_pickle])
+def test_a_copy_before_the_first_and_after_the_last_step_is_in_the_same_state(copy_of: Callable[[Any], Any]) -> None:
+    env = made(max_steps=2)
+    with pytest.raises(RuntimeError, match="no episode has begun"):
+        copy_of(env).step(np.zeros(2))
+    env.reset(seed=0)
+    for _ in range(2):
+        env.step(np.zeros(2))
+    with pytest.raises(RuntimeError, match="ended at step 2"):
+        copy_of(env).step(np.zeros(2))
+    assert copy_of(env).reset()[1] == env.reset()[1]
+
+
+def test_make_takes_the_render_mode_that_other_libraries_pass_on() -> None:
+    """Stable-Baselines3's make_vec_env calls gymnasium.make(id, render_mode=None, **env_kwargs)."""
+    assert made(render_mode=None, hold_steps=2).render_mode is None
+    with pytest.raises(BadInput, match=r"^environment: render_mode is 'human', but there is no rendering[^\n]*$"):
+        import fbql_sim.gymnasium_env as module
+
+        module.WheelsEnv(render_mode="human")
+
+
+@pytest.mark.parametrize("mode", ["sync", "async"])
+def test_many_environments_can_be_made_at_once(mode: str) -> None:
+    import fbql_sim.gymnasium_env as module
+
+    many = gymnasium.make_vec(
+        f"{module.__name__}:{module.WHEELS_ID}",
+        num_envs=2,
+        vectorization_mode=mode,
+        vector_kwargs={"context": "spawn"} if mode == "async" else None,
+        render_mode=None,
+        max_steps=5,
+    )
+    try:
+        seen, _ = many.reset(seed=[1, 2])
+        assert seen.shape == (2, 12)
+        for _ in range(5):
+            _, _, _, truncated, _ = many.step(np.zeros((2, 2), np.float32))
+        assert truncated.tolist() == [True, True]
+    finally:
+        many.close()
 
 
 def test_without_gymnasium_the_package_works_and_the_environment_says_what_is_missing_in_one_line() -> None:

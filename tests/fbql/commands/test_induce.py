@@ -241,3 +241,22 @@ def test_a_tree_of_one_leaf_is_said_and_what_to_do(capsys: pytest.CaptureFixture
     out, err = capsys.readouterr()
     assert out.startswith("1 leaf from 200 patterns")
     assert "induce.py: warning: the tree is a single leaf" in err and "record more demonstrations" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "unused"),
+    [
+        (("--method", "dp", "--trials", "9", "--seed", "3", "--min-patterns", "3"), ["--trials", "--seed"]),
+        (("--method", "cart", "--leaves", "4", "--optimism", "0.2", "--max-entropy", "0.1", "--split-cost", "-0.02"),
+         ["--max-entropy", "--optimism"]),
+        (("--method", "rl", "--trials", "9", "--seed", "3", "--max-entropy", "0.1"), []),
+    ],
+)  # fmt: skip
+def test_options_without_effect_on_a_method_are_reported_in_a_line_each(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...], unused: list[str]
+) -> None:
+    if "cart" in words:
+        pytest.importorskip("sklearn", reason="CART is scikit-learn's, which is in requirements/study.txt")
+    assert induce(["ball_seeking", *FEW, "--json", "--out", str(tmp_path / "tree.json"), *words]) == 0
+    said = [line for line in capsys.readouterr().err.splitlines() if "has no effect" in line]
+    assert said == [f"induce.py: {option} has no effect with --method {words[1]}" for option in unused]

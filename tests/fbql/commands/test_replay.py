@@ -40,6 +40,15 @@ def test_a_run_of_the_graph_is_verified_step_by_step(recorded, start):
     assert found["digest"] == summary_of(recorded)["digest"]
 
 
+@pytest.mark.parametrize("mode", [["--verify"], ["--set", "weight_gain=0.05"]])
+def test_options_of_the_publishing_are_reported_where_nothing_is_published(recorded, start, mode):
+    words = ["--rate", "2", "--start", "1", "--no-clock", "--topics", "world"]
+    replay = start(str(recorded), *mode, *words, "--allow-incomplete", script="replay.py", out=False)
+    assert replay.exit_code() == 0, replay.stderr
+    said = [line for line in replay.stderr.splitlines() if "has no effect" in line]
+    assert [line.split()[1] for line in said] == ["--rate", "--start", "--topics", "--no-clock"]
+
+
 def test_a_run_of_the_graph_is_replayed_onto_ros(recorded, start):
     done = start(str(recorded), "--rate", "0", "--wait", "0", script="replay.py", out=False)
     assert done.exit_code() == 0, done.stderr

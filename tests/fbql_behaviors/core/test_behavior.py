@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from math import nan
 
 import pytest
@@ -64,3 +66,12 @@ def test_a_behavior_may_bring_its_own_observation() -> None:
     assert Behavior("keeper", tree, observation).answer(WORLD).leaf_id == 1
     with pytest.raises(BadInput, match="unknown behavior 'keeper'"):
         Behavior("keeper", tree)
+
+
+def test_a_copy_answers_and_counts_as_the_original() -> None:
+    behavior = Behavior("seek", TREE)
+    behavior.answer(WORLD._replace(ball_x_m=40.0))
+    for other in (copy.deepcopy(behavior), pickle.loads(pickle.dumps(behavior))):
+        assert other.answer(WORLD) == behavior.answer(WORLD)
+        assert other.answer(WORLD._replace(ball_x_m=40.0)).clamped
+        assert (other.name, other.clamped_count, behavior.clamped_count) == ("seek", 2, 1)

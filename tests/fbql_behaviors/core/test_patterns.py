@@ -140,3 +140,11 @@ def test_a_demonstration_has_a_command_for_every_world_state() -> None:
     whole = demonstration(3)
     with pytest.raises(BadInput, match="3 world states but 2 commands"):
         Demonstration(whole.worlds, whole.commands[:2])
+
+
+def test_a_selection_of_patterns_keeps_each_with_its_class_and_its_demonstration() -> None:
+    patterns = patterns_from_rows(FEATURES, [[0.5, 0.1], [1.0, -1.0], [2.0, 2.0]], [5, 6, 7], [0, 1, 1])
+    chosen = patterns.select(np.array([True, False, True]))
+    assert chosen.features == FEATURES
+    assert chosen.x.tolist() == [[0.5, 0.1], [2.0, 2.0]]
+    assert (chosen.wheel_class.tolist(), chosen.demonstration.tolist()) == ([5, 7], [0, 1])

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+from collections.abc import Callable
 from math import inf, nan, nextafter
 from typing import Any
 
@@ -178,3 +181,17 @@ def test_a_tree_as_deep_as_a_chain_is_walked_without_recursion() -> None:
     nodes.append(depth - 1)
     tree = Tree("chain", features, tuple(nodes), (LEAF,) * depth)
     assert tree.answer((2500.5,))[0] == 2500
+
+
+@pytest.mark.parametrize(
+    "copy_of", [copy.deepcopy, lambda tree: pickle.loads(pickle.dumps(tree))], ids=["copy", "pickle"]
+)
+def test_a_copy_of_a_tree_is_the_same_tree(copy_of: Callable[[Tree], Tree]) -> None:
+    tree = Tree(
+        "any", (Feature("x", "m", 0.0, 1.0),), (Split(0, 0.5, 1, 2), 0, 1), (Leaf(1, 2, 3), Leaf(4, 5, 6)), {"a": [1]}
+    )
+    other = copy_of(tree)
+    assert other == tree
+    assert (other.hash, other.origin) == (tree.hash, tree.origin)
+    assert [other.answer([x]) for x in (0.2, 0.7)] == [(0, 1, 2), (1, 4, 5)]
+    assert [other.contains([x]) for x in (0.2, 1.5)] == [True, False]

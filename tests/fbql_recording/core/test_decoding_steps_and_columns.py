@@ -133,6 +133,18 @@ def test_a_message_that_is_none_of_ours_is_malformed(values, says):
         MessageCodec[WheelCommand]("fbql_msgs/msg/WheelCommand", COMMAND).decode(data)
 
 
+def test_a_field_with_a_default_may_be_missing_and_any_other_is_named():
+    """Recordings of earlier releases lack the learned weights."""
+    whole = (MESSAGES / "FusionDecision.msg").read_text() + HEADER
+    older = "\n".join(line for line in whole.splitlines() if " learned_weights" not in line)
+    assert older != whole.rstrip("\n")
+    codec = MessageCodec[Decision]("fbql_msgs/msg/FusionDecision", older)
+    assert not codec.is_ours
+    with pytest.raises(BadInput, match=r"lacks the field reward, which is needed"):
+        without = "\n".join(line for line in whole.splitlines() if " reward" not in line)
+        MessageCodec[Decision]("fbql_msgs/msg/FusionDecision", without)
+
+
 @given(st.binary(max_size=60))
 def test_no_bytes_are_taken_for_a_key_by_mistake(data):
     """`key_of` reads the head alone: it agrees with the whole message wherever that can be decoded."""
@@ -335,6 +347,35 @@ def test_an_answer_that_is_missing_is_minus_one_and_nan():
     assert np.isnan(columns["q"]).all(), "nothing was learned"
 
 
+def test_a_step_of_which_nothing_is_recorded_has_a_row_that_says_so():
+    empty = Step(7, 0, 1, None, (None, None), None, None)
+    columns = columns_of([step_at(0, 0), empty, step_at(0, 1)], EVERYTHING)
+    for name in ("has_world", "has_command", "has_decision"):
+        assert columns[name].tolist() == [True, False, True], name
+    for name in ("robot_x_m", "ball_vy_m_s", "wall_yaw_rad", "command_left_rad_s", "command_right_rad_s", "reward"):
+        assert np.isnan(columns[name]).tolist() == [False, True, False], name
+    for name in ("q", "weights", "learned_weights", "observation.a", "reference_right_rad_s"):
+        assert np.isnan(columns[name][1]).all(), name
+    for name in ("goal", "own_goal", "collision", "collision_begun", "terminated", "truncated"):
+        assert columns[name].tolist() == [False] * 3, name
+    assert (columns["phase"].tolist(), columns["driver"].tolist()) == ([1, -1, 1], [-1, -1, -1])
+    assert columns["joint_state"].tolist() == [[3, 4], [-1, -1], [3, -1]]
+    assert columns["degraded"].tolist() == [False, False, True]
+    assert columns["clamped"].tolist() == [[False, True], [False, False], [False, False]]
+    assert (columns["command_left_rad_s"][0], columns["command_right_rad_s"][0]) == (5.0, 6.0)
+    assert columns["reference_left_rad_s"][0].tolist() == [1.0, 1.0]
+    assert columns["reference_right_rad_s"][0].tolist() == [2.0, 2.0]
+
+
+def test_observations_that_a_block_lacks_are_as_wide_as_those_of_the_others():
+    silent = [Step(step, 0, step, None, (None, None), None, None) for step in range(BLOCK_STEPS)]
+    columns = columns_of([*silent, step_at(0, 0)], EVERYTHING)
+    assert columns["observation.a"].shape == (BLOCK_STEPS + 1, 1)
+    assert columns["observation.b"].shape == (BLOCK_STEPS + 1, 2)
+    assert np.isnan(columns["observation.b"][:-1]).all()
+    assert columns["observation.b"][-1].tolist() == [0.5, 0.75]
+
+
 def test_topics_that_are_not_recorded_have_no_columns():
     columns = columns_of([step_at(0, 0)], Recorded(True, BEHAVIORS, False, True, False))
     assert "robot_x_m" in columns and "command_left_rad_s" in columns
@@ -345,4 +386,5 @@ def test_flat_columns_are_named_by_behavior():
     columns = flat(columns_of([step_at(0, 0)], EVERYTHING), BEHAVIORS)
     assert {column.ndim for column in columns.values()} == {1}
     assert columns["weights.b"].tolist() == [0.75]
+    assert (columns["step"].tolist(), columns["phase"].tolist()) == ([0], [1])
     assert columns["observation.b.1"].tolist() == [0.75]

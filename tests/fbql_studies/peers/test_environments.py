@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import warnings
 from math import cos, sin
 from typing import Any
@@ -103,6 +105,45 @@ def test_a_blend_sees_what_the_behaviors_sense_and_answer_and_their_leaves() -> 
     joint_state, _ = (selection := SelectionEnv()).reset(seed=3)
     assert joint_state.tolist() == [output.leaf_id for output in outputs]
     assert selection.observation_space.nvec.tolist() == counts
+
+
+@pytest.mark.parametrize(
+    "copy_of", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"]
+)
+@pytest.mark.parametrize("kind", [BlendEnv, SelectionEnv])
+def test_a_copy_continues_as_the_original_bit_for_bit(kind: Any, copy_of: Any) -> None:
+    env = kind(hold_steps=3)
+    env.reset(seed=2)
+    env.action_space.seed(1)
+    for _ in range(40):
+        env.step(env.action_space.sample())
+    other = copy_of(env)
+    for _ in range(100):
+        action = env.action_space.sample()
+        one, two = env.step(action), other.step(action)
+        assert env.world == other.world
+        assert one[0].tobytes() == two[0].tobytes()
+        assert one[1:] == two[1:]
+        if one[2] or one[3]:
+            env.reset()
+            other.reset()
+
+
+@pytest.mark.parametrize("action", [3, -1, 0.5, np.nan, None, "a", [0], [1.0, 0.0, 0.0], True])
+def test_a_selection_that_is_no_behavior_is_refused_in_one_line(action: Any) -> None:
+    env = SelectionEnv()
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"^an action is the index of a behavior, 0 \.\. 2, not [^\n]*$"):
+        env.step(action)
+    env.step(np.int64(2))
+
+
+@pytest.mark.parametrize("action", [[1.0], [1.0] * 4, 1.0, None, [[1.0, 0.0, 0.0]], [np.inf, 0.0, 0.0]])
+def test_weights_that_are_not_one_for_each_behavior_are_refused_in_one_line(action: Any) -> None:
+    env = BlendEnv()
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"^[^\n]*action[^\n]*$"):
+        env.step(action)
 
 
 def test_an_unknown_kind_of_action_is_refused() -> None:

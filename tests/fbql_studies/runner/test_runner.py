@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import probe_study
@@ -395,13 +396,13 @@ def test_every_column_of_a_study_says_what_it_is(name: str) -> None:
 
 
 @contextmanager
-def cluster(place: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """The address of a Dask scheduler, and the processes: its own and two workers."""
+def cluster(place: Path, workers: int = 2) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """The address of a Dask scheduler, and the processes: its own and those of the workers."""
     path = os.pathsep.join(entry for entry in sys.path if entry)
     file = str(place / "scheduler.json")
     commands = [
         ["scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", file],
-        *[["worker", "--scheduler-file", file, "--nthreads", "1", "--no-dashboard", "--no-nanny"]] * 2,
+        *[["worker", "--scheduler-file", file, "--nthreads", "1", "--no-dashboard", "--no-nanny"]] * workers,
     ]
     processes: list[subprocess.Popen[bytes]] = []
     try:
@@ -441,6 +442,36 @@ def test_a_cluster_gives_the_results_of_the_local_workers_and_a_killed_worker_co
         json.loads(found.read_text())[MEASURED]["process"] for found in (tmp_path / "cluster" / "tasks").glob("*.json")
     }
     assert workers <= {process.pid for process in processes[1:]}
+
+
+def test_a_cluster_without_workers_is_reported_in_one_line_within_seconds(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="Dask is in requirements/study.txt")
+    with cluster(tmp_path, workers=0) as (address, _):
+        process = launched(tmp_path, "--seeds", "1", "--jobs", "1", "--scheduler", address)
+        assert process.stderr is not None
+        said = ""
+        limit = Timer(60.0, process.kill)
+        limit.start()
+        while "no workers" not in said:
+            line = process.stderr.readline()
+            assert line, f"it ended without saying so: {said}"
+            said += line
+        process.send_signal(signal.SIGINT)
+        process.communicate()
+        limit.cancel()
+    assert f"--scheduler {address}: it has no workers; waiting until one connects" in said
+    assert "--jobs has no effect with --scheduler" in said
+    assert "Traceback" not in said
+
+
+def test_there_are_as_many_workers_as_cores_that_may_be_used() -> None:
+    allowed = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {min(allowed)})
+        assert experiment.usable_cores() == 1
+    finally:
+        os.sched_setaffinity(0, allowed)
+    assert experiment.usable_cores() == len(allowed)
 
 
 @pytest.mark.long

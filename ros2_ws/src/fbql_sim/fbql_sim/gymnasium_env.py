@@ -12,8 +12,8 @@ the one of the nodes, `fbql_sim.core.world_loop.WorldLoop`: the same seed and co
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import pi
+from dataclasses import dataclass, field
+from math import isfinite, pi
 from typing import Any
 
 import numpy as np
@@ -72,6 +72,17 @@ class EnvironmentParameters:
     reward_collision: float = parameter(-5.0, "reward of a collision, once when it begins", low=-1e9, high=1e9)
 
 
+@dataclass
+class _Course:
+    """An episode so far: what it takes to play it again."""
+
+    worlds: int = 0
+    """Worlds produced up to its first one."""
+    seed: int | None = None
+    """None before the first episode."""
+    commands: list[tuple[float, float]] = field(default_factory=list[tuple[float, float]])
+
+
 class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
     """Score with a differential-drive robot by commanding its wheel velocities.
 
@@ -85,18 +96,27 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
     `reset(seed=S)` begins a sequence of episodes determined by S alone. `reset(options={"episode_seed": N})` plays the same
     episode as seed N does in a session: the same start, the same disturbance of the wheels.
 
+    An environment can be pickled and copied with `copy.deepcopy`, within an episode as well: the copy plays the episode's
+    commands again, and continues bit for bit as the original.
+
     To build another action or observation on the same world, override `driver`, `observe` and the two spaces.
 
     Args:
+        render_mode: None; `gymnasium.make` and others pass it on.
         parameters: those of EnvironmentParameters and of SimulationParameters, by name.
 
     Raises:
-        BadInput: an unknown parameter, or a value of a wrong type or out of range.
+        BadInput: an unknown parameter, a value of a wrong type or out of range, or a render mode.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 - Gymnasium's own declaration
 
-    def __init__(self, **parameters: Any) -> None:
+    def __init__(self, *, render_mode: str | None = None, **parameters: Any) -> None:
+        if render_mode is not None:
+            raise BadInput(
+                f"environment: render_mode is {render_mode!r}, but there is no rendering: leave it out, or None"
+            )
+        self.render_mode = None
         values = {name: parameters.pop(name) for name in limits_of(EnvironmentParameters) if name in parameters}
         self.parameters = _declared(EnvironmentParameters, values)
         self.simulation = _declared(SimulationParameters, parameters)
@@ -104,6 +124,7 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
         self.observation_space = gymnasium.spaces.Box(-_HIGH, _HIGH, dtype=np.float32)
         self._loop = WorldLoop(self.simulation)
         self._episode = -1
+        self._course = _Course()
 
     @property
     def world(self) -> World:
@@ -112,7 +133,7 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
 
     def driver(self, action: Any) -> Drive:
         """The function that drives while an action is held: here the same wheel velocities for every world."""
-        left, right = float(action[0]), float(action[1])
+        left, right = numbers_of(action, 2)
         command = _clip(left) * MAX_WHEEL_RAD_S, _clip(right) * MAX_WHEEL_RAD_S
         return lambda _world: command
 
@@ -126,27 +147,30 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begins an episode. Raises BadInput for options that can't be used."""
+        episode_seed = _episode_seed({} if options is None else options)
         super().reset(seed=seed)
-        episode_seed = _episode_seed(options or {})
         if episode_seed is None:
             episode_seed = int(self.np_random.integers(2**63))
         self._episode += 1
+        self._course = _Course(self._course.worlds + 1 + len(self._course.commands), episode_seed)
         return self.observe(self._loop.reset(self._episode, episode_seed)), {"episode_seed": episode_seed}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Holds an action for `hold_steps` steps, or until the episode ends.
 
         Raises:
-            ValueError: a wheel velocity is not a number.
-            RuntimeError: no episode is running.
+            ValueError: the action is not two finite numbers; nothing has moved.
+            RuntimeError: no episode is running: `reset` was not called, or not since the end of the last episode.
         """
-        drive, advance = self.driver(action), self._loop.step
-        world = self._loop.world
+        world, advance, commands = self._running(), self._loop.step, self._course.commands
+        drive = self.driver(action)
         parameters = self.parameters
         reward = 0.0
         steps = begun = contact = 0
         for _ in range(parameters.hold_steps):
-            world = advance(*drive(world))
+            command = drive(world)
+            world = advance(*command)
+            commands.append(command)
             steps += 1
             if world.collision:
                 contact += 1
@@ -168,6 +192,41 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
         }
         return self.observe(world), reward, world.terminated, world.truncated, info
 
+    def _running(self) -> World:
+        """The latest world, of an episode that goes on."""
+        world = self._loop.world
+        if world.ended:
+            raise RuntimeError(f"episode {world.episode} ended at step {world.step}: call reset first")
+        return world
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the physics, which `__setstate__` makes again: its space is an object of a C library."""
+        return {name: value for name, value in self.__dict__.items() if name != "_loop"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        course = self._course
+        self._loop = loop = WorldLoop(self.simulation, max(course.worlds - 1, 0))
+        if course.seed is not None:
+            loop.reset(self._episode, course.seed)
+            for command in course.commands:
+                loop.step(*command)
+
+
+def numbers_of(action: Any, count: int) -> list[float]:
+    """The finite numbers of an action. Raises ValueError where it is anything else than so many."""
+    try:
+        values = np.asarray(action)
+    except ValueError:  # rows of different lengths
+        values = np.empty(0)
+    if values.shape != (count,) or values.dtype.kind not in "fiu":
+        kind = f"{values.dtype} {list(values.shape)}" if values.size else " ".join(repr(action)[:40].split())
+        raise ValueError(f"an action is {count} numbers, not {kind}")
+    numbers: list[float] = values.tolist()
+    if not all(map(isfinite, numbers)):
+        raise ValueError(f"the numbers of an action must be finite, not {numbers}")
+    return numbers
+
 
 def _declared[T](declaration: type[T], values: dict[str, Any]) -> T:
     """An instance of a declaration; integers are accepted for floats."""
@@ -177,17 +236,21 @@ def _declared[T](declaration: type[T], values: dict[str, Any]) -> T:
 
 
 def _clip(share: float) -> float:
-    """The value within -1 .. 1; NaN stays NaN."""
+    """The value within -1 .. 1."""
     return 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
 
 
-def _episode_seed(options: dict[str, Any]) -> int | None:
+def _episode_seed(options: Any) -> int | None:
     """The episode seed in the reset options, if any."""
-    unknown = sorted(set(options) - {"episode_seed"})
+    if not isinstance(options, dict):
+        raise BadInput(f"environment: reset options are {str(options)[:40]!r}; they must be a dictionary")
+    unknown = sorted(str(name) for name in set(options) - {"episode_seed"})
     if unknown:
         raise BadInput(f"environment: unknown reset option '{unknown[0]}'; known is: episode_seed")
     seed = options.get("episode_seed")
-    if seed is not None and not (isinstance(seed, int | np.integer) and 0 <= seed < 2**63):
+    if seed is not None and not (
+        isinstance(seed, int | np.integer) and not isinstance(seed, bool) and 0 <= seed < 2**63
+    ):
         raise BadInput(
             f"environment: reset option 'episode_seed' is {seed!r}; it must be a whole number, 0 .. 2^63 - 1"
         )

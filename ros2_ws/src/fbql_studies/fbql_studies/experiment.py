@@ -12,7 +12,7 @@ from typing import Any
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupted, Interrupts
 from fbql.cli.missing import what_is_missing
-from fbql.cli.output import print_result, say, warn
+from fbql.cli.output import complain, print_result, say, warn
 from fbql.cli.parser import Parser, output_path
 from fbql.cli.places import RUNS
 from fbql.statistics.tables import Table, as_markdown, as_text
@@ -30,6 +30,10 @@ _RUNNER_OPTIONS = ("study", "jobs", "out", "scheduler", "json")
 
 def run(options: Any, interrupts: Interrupts) -> int:
     """Runs the remaining tasks, and reports the whole study. Returns 0, or 1 if a task failed."""
+    if options.jobs is not None and options.scheduler:
+        complain("--jobs has no effect with --scheduler: the cluster's workers are used")
+    if options.jobs is None:
+        options.jobs = usable_cores()
     if options.jobs < 1:
         raise BadInput(f"--jobs is {options.jobs}; it must be 1 or more")
     study = study_of(options.study)
@@ -85,7 +89,7 @@ def parser(program: str) -> Parser:
         own = studies.add_parser(name, help=study.DESCRIPTION, description=study.DESCRIPTION)
         study.add_options(own)
         own.add_argument(
-            "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="workers on this machine (all cores)"
+            "--jobs", type=int, metavar="N", help="workers on this machine (as many as cores that it may use)"
         )
         own.add_argument(
             "--scheduler",
@@ -101,6 +105,11 @@ def parser(program: str) -> Parser:
         )
         own.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
     return result
+
+
+def usable_cores() -> int:
+    """Number of cores that this process may use, which `taskset` and container managers limit."""
+    return len(os.sched_getaffinity(0))
 
 
 def _run(options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Interrupts) -> None:

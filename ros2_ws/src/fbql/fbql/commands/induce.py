@@ -24,7 +24,7 @@ from fbql_common.core.text import as_lines
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, register_observations
-from fbql.cli.output import print_result, say, warn, writing
+from fbql.cli.output import complain, print_result, say, warn, writing
 from fbql.cli.parser import Parser, add_json_option, add_parameter_options, output_path
 from fbql.cli.places import new_path
 from fbql.cli.words import counted
@@ -39,6 +39,7 @@ from fbql.demonstrations.make_tree import (
     optimum_of,
     patterns_for,
     request_of,
+    unused_parameters,
 )
 from fbql.report.induction import Induction, induction_page
 
@@ -93,6 +94,10 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     register_observations(arguments.observation, [arguments.behavior])
     names = ("seed", "every", "patterns", "leaves", *types_of(InductionParameters))
     request = request_of(arguments.behavior, **{name: getattr(arguments, name) for name in names})
+    given = [name for name in types_of(InductionParameters) if getattr(arguments, name) is not None]
+    given += ["seed"] if arguments.seed != INDUCTION_SEED else []
+    for name in unused_parameters(request.method, given):
+        complain(f"--{name.replace('_', '-')} has no effect with --method {request.method}")
     if arguments.curve is not None and request.method != "rl":
         raise BadInput("--curve needs --method rl; the other methods have no trials")
     demonstrations = _demonstrations(request, arguments.demos)

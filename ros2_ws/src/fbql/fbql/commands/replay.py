@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 
 from fbql_common.core.errors import BadInput
@@ -14,13 +15,15 @@ from fbql.cli.controllers import add_controller_option
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option
-from fbql.cli.output import warn
+from fbql.cli.output import complain, warn
 from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Replays the run. Returns 0 (with --verify: identical), 1 if it differs, 3 if the recording is incomplete."""
     _check(arguments)
+    for note in _unused(arguments):
+        complain(note)
     run = open_run(arguments.run, skip_corrupt=arguments.skip_corrupt)
     known = run.warnings
     warn(known)
@@ -94,6 +97,17 @@ def _only_names_code(arguments: argparse.Namespace) -> bool:
     """Whether the only option of "what if" is a --controller FILE.py:NAME, the code of the run's own controller."""
     changes = arguments.set or arguments.preset or arguments.policy or arguments.trees is not None
     return not changes and is_file(arguments.controller)
+
+
+def _unused(arguments: argparse.Namespace) -> Iterator[str]:
+    """The options that have no effect with what is done: those of the republishing where nothing is republished."""
+    if not (arguments.verify or _is_what_if(arguments)):
+        return
+    mode = "--verify" if arguments.verify else "a change such as --set"
+    defaults = parser("replay")
+    for name in ("rate", "start", "duration", "loop", "topics", "clock", "domain", "wait"):
+        if getattr(arguments, name) != defaults.get_default(name):
+            yield f"--{'no-clock' if name == 'clock' else name} has no effect with {mode}: nothing is published"
 
 
 def _check(arguments: argparse.Namespace) -> None:

@@ -26,6 +26,8 @@ from fbql.demonstrations.instruct import instruct
 DEMONSTRATION_SEED = 1
 INDUCTION_SEED = 1
 CART = "cart"
+_OF_TRIALS = ("trials", "learning_rate", "optimism", "epsilon_start", "epsilon_end", "update")
+_OF_SPLITS = ("min_range", "min_patterns", "min_half_patterns", "max_entropy")
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,12 @@ def request_of(
             raise BadInput(f"{name} is {value}; it must be at least {low}")
     recipe = replace(recipe, induction=induction, every=every or recipe.every, patterns=patterns or recipe.patterns)
     return InductionRequest(behavior, recipe, CART if is_cart else induction.method, seed, leaves)
+
+
+def unused_parameters(method: str, given: Sequence[str]) -> list[str]:
+    """Those of the given parameters that have no effect with a method."""
+    unused = {"dp": ("seed", *_OF_TRIALS), CART: (*_OF_TRIALS, *_OF_SPLITS)}.get(method, ())
+    return [name for name in given if name in unused]
 
 
 def instructed(request: InductionRequest, seed: int = DEMONSTRATION_SEED) -> list[Demonstration]:

@@ -34,6 +34,14 @@ class Behavior:
         self._leaf_count = tree.leaf_count
         self._hash = tree.hash
 
+    def __getstate__(self) -> dict[str, object]:
+        """All but what the tree compiles, which can't be copied."""
+        return {name: value for name, value in self.__dict__.items() if name != "_contains"}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        self.__dict__.update(state)
+        self._contains = self.tree.contains
+
     def answer(self, world: World) -> BehaviorOutput:
         """The reference for a world state. Raises BadInput when the observation is not finite."""
         observation = self._sense(world)

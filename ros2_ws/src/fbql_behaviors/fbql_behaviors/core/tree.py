@@ -83,6 +83,10 @@ class Tree:
         object.__setattr__(self, "contains", _contains(tuple((feature.low, feature.high) for feature in self.features)))
         object.__setattr__(self, "hash", hashlib.sha256(canonical(self.content()).encode()).hexdigest())
 
+    def __reduce__(self) -> tuple[type[Tree], tuple[object, ...]]:
+        """A copy is made from the content; what is compiled from it is not copied."""
+        return Tree, (self.behavior, self.features, self.nodes, self.leaves, dict(self.origin))
+
     @property
     def leaf_count(self) -> int:
         return len(self.leaves)

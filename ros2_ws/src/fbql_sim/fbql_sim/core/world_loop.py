@@ -20,13 +20,14 @@ class WorldLoop:
     goes back, and is never 0.
     """
 
-    def __init__(self, parameters: SimulationParameters | None = None) -> None:
+    def __init__(self, parameters: SimulationParameters | None = None, worlds: int = 0) -> None:
+        """`worlds`: how many a loop before this one has produced, whose `stamp_ns` this one continues."""
         parameters = parameters or SimulationParameters()
         self.dt_s = parameters.dt_s
         self._physics = Physics(parameters)
         self._task = Task(parameters)
         self._world: World | None = None
-        self._worlds = 0
+        self._worlds = worlds
         self._episode = 0
         self._step = 0
 

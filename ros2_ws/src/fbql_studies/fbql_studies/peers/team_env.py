@@ -25,7 +25,7 @@ from fbql_common.core.field import MAX_WHEEL_RAD_S
 from fbql_common.core.types import BehaviorOutput, World
 from fbql_fusion.core.blending import blend
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_sim.gymnasium_env import Drive, WheelsEnv
+from fbql_sim.gymnasium_env import Drive, WheelsEnv, numbers_of
 from numpy.typing import NDArray
 
 BLEND_ID, SELECTION_ID = "fbql/Blend-v0", "fbql/Selection-v0"
@@ -94,13 +94,11 @@ class BlendEnv(TeamEnv):
         return self.blended(self.weights(action))
 
     def weights(self, action: Any) -> list[float]:
-        """The weights that an action stands for: n, sum 1. Raises ValueError if it contains something that is not a
-        number."""
-        limited = np.clip(np.asarray(action, np.float64), self.action_space.low, self.action_space.high).tolist()
+        """The weights that an action stands for: n, sum 1. Raises ValueError if it is not n finite numbers."""
+        numbers = np.array(numbers_of(action, len(self.behaviors)), np.float64)
+        limited = np.clip(numbers, self.action_space.low, self.action_space.high).tolist()
         shares = [exp(SHARPNESS * value) for value in limited] if self._logits else limited
         total = sum(shares)
-        if total != total:
-            raise ValueError(f"an action must be finite, not {action}")
         if total == 0.0:
             return [1.0 / len(shares)] * len(shares)
         return [share / total for share in shares]
@@ -136,8 +134,13 @@ class SelectionEnv(TeamEnv):
         self.observation_space = gymnasium.spaces.MultiDiscrete([each.tree.leaf_count for each in self.behaviors])
 
     def driver(self, action: Any) -> Drive:
-        """Drives by the answers of one behavior."""
-        return self.blended([1.0 if i == action else 0.0 for i in range(len(self.behaviors))])
+        """Drives by the answers of one behavior. Raises ValueError if the action is not the index of one."""
+        index, n = np.asarray(action), len(self.behaviors)
+        if index.shape != () or index.dtype.kind not in "iu" or not 0 <= index < n:
+            raise ValueError(
+                f"an action is the index of a behavior, 0 .. {n - 1}, not {' '.join(str(action)[:40].split())}"
+            )
+        return self.blended([1.0 if i == index else 0.0 for i in range(len(self.behaviors))])
 
     def observe(self, world: World) -> NDArray[np.int64]:
         """The joint state."""

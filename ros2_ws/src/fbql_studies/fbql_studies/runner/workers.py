@@ -14,10 +14,12 @@ from importlib import import_module
 from multiprocessing import get_context
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
+from time import monotonic
 from traceback import format_exception_only
 from typing import Any, NamedTuple
 from uuid import uuid4
 
+from fbql.cli.output import complain
 from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput
 
@@ -27,6 +29,8 @@ from fbql_studies.runner.study import Result, StudyTask
 ATTEMPTS = 2
 _POLL_S = 0.2
 _CONNECT_S = 10
+_WITHOUT_WORKERS_S = 2.0
+"""Time after which a cluster without workers is reported."""
 _PR_SET_PDEATHSIG = 1
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -130,7 +134,14 @@ def run_on_cluster(
             ): task
             for task in tasks
         }
+        told = False
+        begun_s = monotonic()
         while waiting and not stopped():
+            if not told and monotonic() - begun_s > _WITHOUT_WORKERS_S and not client.scheduler_info()["workers"]:
+                told = True
+                complain(
+                    f"--scheduler {scheduler}: it has no workers; waiting until one connects (dask worker {scheduler})"
+                )
             try:
                 ended = wait(list(waiting), timeout=_POLL_S, return_when="FIRST_COMPLETED").done
                 done = {future: future.result() for future in ended if future.status == "finished"}

@@ -1,0 +1,127 @@
+"""The mutants of a Python source: each differs from it in one small place.
+
+Comparisons, arithmetic, numbers, boolean operators and conditions, returned values, statements and the order of arguments
+are changed. Texts, docstrings, annotations and decorators are left alone: no test should depend on them.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+COMPARISONS: dict[type[ast.cmpop], type[ast.cmpop]] = {
+    ast.Lt: ast.LtE,
+    ast.LtE: ast.Lt,
+    ast.Gt: ast.GtE,
+    ast.GtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.In: ast.NotIn,
+    ast.NotIn: ast.In,
+    ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is,
+}
+ARITHMETIC: dict[type[ast.operator], type[ast.operator]] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.FloorDiv: ast.Mult,
+    ast.Mod: ast.Mult,
+    ast.Pow: ast.Mult,
+    ast.BitOr: ast.BitAnd,
+    ast.BitAnd: ast.BitOr,
+    ast.LShift: ast.RShift,
+    ast.RShift: ast.LShift,
+}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A source with one change."""
+
+    kind: str
+    line: int
+    column: int
+    before: str
+    after: str
+    source: str
+    """The whole changed source."""
+
+
+def mutants_of(source: str) -> list[Mutant]:
+    """All mutants of a source, in the order of their places."""
+    data = source.encode()
+    starts = [0]
+    for row in data.splitlines(keepends=True):
+        starts.append(starts[-1] + len(row))
+    found: list[Mutant] = []
+    for node in _changeable(ast.parse(source)):
+        for kind, changed in _changes(node):
+            begin = starts[node.lineno - 1] + node.col_offset
+            end = starts[(node.end_lineno or node.lineno) - 1] + (node.end_col_offset or 0)
+            text = ast.unparse(changed)
+            after = text if isinstance(node, ast.stmt) else f"({text})"
+            mutated = (data[:begin] + after.encode() + data[end:]).decode()
+            found.append(Mutant(kind, node.lineno, node.col_offset, data[begin:end].decode(), text, mutated))
+    return sorted(found, key=lambda each: (each.line, each.column, each.kind, each.after))
+
+
+def _changeable(tree: ast.AST) -> Iterator[ast.stmt | ast.expr]:
+    """Every statement and expression that is not part of a text, an annotation or a decorator."""
+    for name, value in ast.iter_fields(tree):
+        if name in ("annotation", "returns", "decorator_list", "type_params", "bases"):
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            if not isinstance(child, ast.AST) or isinstance(child, ast.JoinedStr | ast.Import | ast.ImportFrom):
+                continue
+            if isinstance(child, ast.stmt | ast.expr):
+                yield child
+            yield from _changeable(child)
+
+
+def _changes(node: ast.stmt | ast.expr) -> Iterator[tuple[str, ast.AST]]:
+    """The changes of one node, and their kinds."""
+    changed = copy.deepcopy(node)
+    match changed:
+        case ast.Compare(ops=[op]):
+            changed.ops = [COMPARISONS[type(op)]()]
+            yield "comparison", changed
+        case ast.BinOp(op=op) if type(op) in ARITHMETIC:
+            changed.op = ARITHMETIC[type(op)]()
+            yield "arithmetic", changed
+        case ast.AugAssign(op=op) if type(op) in ARITHMETIC:
+            changed.op = ARITHMETIC[type(op)]()
+            yield "arithmetic", changed
+            yield "statement", ast.Pass()
+        case ast.Constant(value=bool(value)):
+            yield "constant", ast.Constant(not value)
+        case ast.Constant(value=int(value)):
+            yield "constant", ast.Constant(value + 1)
+            yield "constant", ast.UnaryOp(ast.USub(), ast.Constant(1)) if value == 0 else ast.Constant(value - 1)
+        case ast.Constant(value=float(value)):
+            yield "constant", ast.Constant(value * 1.25 if value else 1.0)
+        case ast.BoolOp(op=op):
+            changed.op = ast.Or() if isinstance(op, ast.And) else ast.And()
+            yield "boolean", changed
+        case ast.UnaryOp(op=ast.Not() | ast.USub(), operand=operand):
+            yield "boolean" if isinstance(changed.op, ast.Not) else "arithmetic", operand
+        case ast.IfExp(test=test):
+            changed.test = ast.UnaryOp(ast.Not(), test)
+            yield "boolean", changed
+        case ast.Return(value=ast.expr() as value) if not _is_none(value):
+            yield "return", ast.Return(ast.Constant(None))
+        case ast.Expr(value=ast.Call()) | ast.Assign() | ast.Raise() | ast.Break() | ast.Continue():
+            yield "statement", ast.Pass()
+        case ast.Call(args=[first, second, *rest]) if not isinstance(first, ast.Starred | ast.Constant):
+            if not isinstance(second, ast.Starred) and ast.dump(first) != ast.dump(second):
+                changed.args = [second, first, *rest]
+                yield "arguments", changed
+        case _:
+            pass
+
+
+def _is_none(value: ast.expr) -> bool:
+    return isinstance(value, ast.Constant) and value.value is None
