@@ -232,9 +232,11 @@ def untruths(original: Original, found: Recovery) -> Iterator[str]:
         yield f"{found.messages} messages, but {len(told)} are there"
     if found.chunks_lost > original.chunks:
         yield f"{found.chunks_lost} chunks lost of {original.chunks}"
-    times = {message.log_time_ns for message in lost}
+    times = {message.log_time_ns for message in (lost if found.is_exact else original.messages)}
     for _, gap in found.gaps:
+        # Without an end, a damaged chunk may be another recording's: then its time is only one that can be.
         if gap.start_ns is not None and gap.end_ns is not None and gap.messages.total():
-            inside = [time for time in times if gap.start_ns <= time <= gap.end_ns]
-            if not inside or gap.start_ns not in times or gap.end_ns not in times:
+            if found.is_exact and not (gap.start_ns in times and gap.end_ns in times):
                 yield f"a gap from {gap.start_ns} to {gap.end_ns} ns, where no messages are lost"
+            elif not gap.start_ns <= gap.end_ns <= max(times) + 10**9:
+                yield f"a gap from {gap.start_ns} to {gap.end_ns} ns, which can't be"

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import yaml
 from commands import replay as main
+from damaged_recordings import mcap_of, places_of, spoil
 from fbql_common.wire import (
     decode_command,
     decode_decision,
@@ -23,7 +24,8 @@ from fbql_common.wire import (
     encode_world,
 )
 from fbql_fusion.core.parameters import CONTROLLERS
-from fbql_recording import open_run
+from fbql_recording import open_run, recover
+from mcap.opcode import Opcode
 from recorded_match import ROOT, TREES, digest_of, record_match
 from rewritten_run import rewrite
 
@@ -303,3 +305,28 @@ def test_another_version_is_named_beside_a_difference(recorded, tmp_path, capsys
     assert found["notes"][0] == "not in the recording, so their defaults are used: tie_rule"
     assert any(note.startswith("recorded with numpy 1.0, here is ") for note in found["notes"])
     assert any(note.startswith("recorded with revision abc, here is ") for note in found["notes"])
+
+
+# After a gap
+
+
+@pytest.mark.parametrize(
+    ("number", "controller"), [(n, c) for n in (0, 1, -1) for c in ("subsumption", "fbql_literal")]
+)
+def test_of_a_recovered_run_everything_that_can_be_compared_is(tmp_path, capsys, number, controller):
+    """Fault 80."""
+    run = record_match(tmp_path / "run", max_steps=20, controller=controller, guided=0, episodes=4)
+    steps = sum(1 for _ in open_run(run).steps())
+    begin, end = places_of(mcap_of(run), Opcode.CHUNK)[number]
+    spoil(mcap_of(run), (begin + end) // 2)
+    found = recover(run, None)
+    code, verified = verify(found.path, capsys)
+    assert (code, verified["identical"]) == (3, True)
+    assert verified["steps"] + verified["answers_only"] == found.steps < steps
+    if number == -1:
+        assert (verified["answers_only"], verified["resumed"]) == (0, None)
+    elif controller == "subsumption":
+        assert (verified["answers_only"], verified["resumed"]) == (0, verified["gap"])
+    else:
+        assert verified["answers_only"] > 0
+        assert verified["resumed"] is None

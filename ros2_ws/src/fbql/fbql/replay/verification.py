@@ -81,7 +81,7 @@ class Verification(NamedTuple):
     not_recomputed: dict[str, int]
     """By behavior: answers that were taken as recorded, because they can't be recomputed."""
     unfinished: int
-    """Steps with missing messages at the end of a recording that was cut off; not compared."""
+    """Steps with missing messages before a gap, or at the end of a recording that was cut off; not compared."""
     gap: str | None
     """The step after the first gap of a recovered recording, in words."""
     answers_only: int = 0
@@ -125,10 +125,11 @@ class _Verifier:
         resumed: str | None = None
         follows = True
         """Whether the session is where the recording is."""
-        answers_only = 0
+        answers_only = left_over = 0
         for data in self._run.step_data():
             if data.after_gap:
                 gap = gap or _words_of(data)
+                left_over += unfinished is not None
                 follows, unfinished = False, None
             elif unfinished is not None:
                 difference = self._missing(unfinished)
@@ -154,7 +155,7 @@ class _Verifier:
             difference,
             self._recorded.session.digest,
             dict(self._not_recomputed),
-            int(unfinished is not None and difference is None),
+            left_over + (unfinished is not None and difference is None),
             gap,
             answers_only,
             resumed,
@@ -371,5 +372,5 @@ def _words(
                 "the decisions depend on what is lost"
             )
     if found.unfinished:
-        lines.append("the last step before the cut is incomplete and was not compared")
+        lines.append("the last step before the cut or a gap is incomplete and was not compared")
     return as_lines([*lines, *notes])

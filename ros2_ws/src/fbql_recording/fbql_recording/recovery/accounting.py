@@ -351,5 +351,5 @@ def _tell(counted: Found, waiting: list[Gap], missing: Counter[int], chunk: Span
         first.why = f"{first.why}; {gap.why}" if len(first.why) < 400 else first.why
         first.chunks += gap.chunks
         counted.remove(gap)
-    if others:
-        first.start_ns, first.end_ns = None, None
+    # Heads and indexes that tell another number need not be this recording's.
+    first.start_ns, first.end_ns = None, None
