@@ -223,6 +223,18 @@ def test_answer_of_another_frame_is_dropped_naming_the_expected_one(make_team, b
     assert team.decided(1).degraded
 
 
+def test_what_another_node_sends_is_logged_escaped(make_team, bench):
+    team = make_team(behavior_timeout_s=0.1)
+    team.silence(0)
+    world = team.simulator.show(0, 1)
+    message = BehaviorOutputMsg(episode=0, step=1, name=BEHAVIORS[0], leaf_count=5, tree_hash="aa" * 32)
+    message.header.stamp.nanosec = world.stamp_ns
+    message.header.frame_id = "x\n[INFO] all is well\x1b[31m"
+    team.behaviors[0].publisher.publish(message)
+    bench.until_said("frame_id is 'x\\n[INFO] all is well\\x1b[31m', expected 'field'")
+    assert team.decided(1).degraded
+
+
 @pytest.mark.parametrize("garbage", [b"", b"\x00\x01\x00\x00short", b"\xff" * 400])
 def test_garbage_on_every_input_is_dropped_and_play_goes_on(make_team, bench, garbage):
     team = make_team()

@@ -148,6 +148,34 @@ def test_too_many_arrays_are_refused(tmp_path):
     assert "arrays; a policy has at most" in refusal(tmp_path / "p.npz")
 
 
+@pytest.mark.parametrize(
+    "header",
+    [
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (True,), }",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (-1,), }",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (1e0,), }",
+        "{'descr': '<U0', 'fortran_order': False, 'shape': (100000000000,), }",
+        "{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (1,), }",
+        "{'descr': ('<f8', (1,)), 'fortran_order': False, 'shape': (1,), }",
+        "{'descr': '<f8', 'fortran_order': 1, 'shape': (1,), }",
+        "{'descr': __import__('os').system('true'), 'fortran_order': False, 'shape': (1,), }",
+        "(" * 5000,
+        "",
+    ],
+)
+def test_a_header_that_numpy_does_not_write_is_refused(tmp_path, header):
+    text = f"{header}\n".encode()
+    with zipfile.ZipFile(tmp_path / "p", "w") as archive:
+        archive.writestr("q.npy", b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + bytes(8))
+    assert "array 'q' holds neither numbers nor text, or has a header" in refusal(tmp_path / "p")
+
+
+def test_a_character_that_does_not_exist_is_refused(tmp_path):
+    arrays = arrays_of(POLICY) | {"kind": np.frombuffer(b"\xff\xff\x11\x00", "<U1").reshape(())}
+    np.savez(tmp_path / "p.npz", **arrays)
+    assert "has a character that does not exist" in refusal(tmp_path / "p.npz")
+
+
 def test_an_array_that_promises_more_than_is_there_is_refused(tmp_path):
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**12, 8)})

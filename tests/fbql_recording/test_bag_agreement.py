@@ -127,7 +127,7 @@ def test_a_reindexed_bag_is_read(edited, change):
     ],
 )
 def test_what_names_no_recording_is_one_line(edited, change):
-    with pytest.raises(BadInput, match=r"metadata\.yaml|leads out"):
+    with pytest.raises(BadInput, match=r"metadata\.yaml|leads out|File name too long"):
         open_run(edited(change))
 
 

@@ -48,7 +48,7 @@ def odd_value(rng: random.Random) -> Any:
         (
             None, True, False, [], {}, [[]], [None], {"": None}, 0.5, -0.0, 1e308, -1e308, 1e-308,
             rng.choice(_NUMBERS), -rng.choice(_NUMBERS), 10**30, rng.choice(_WORDS), [rng.choice(_NUMBERS)] * 4,
-            {"nanoseconds": -1}, _nested(rng.choice((5, 50, 500))),
+            {"nanoseconds": -1}, _nested(rng.choice((5, 50, 100))),
         )
     )  # fmt: skip
 

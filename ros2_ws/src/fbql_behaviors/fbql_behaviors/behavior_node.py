@@ -14,6 +14,7 @@ from typing import Any
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import parameter
+from fbql_common.core.text import one_line
 from fbql_common.core.types import World
 from fbql_common.declare import declare_parameters
 from fbql_common.inputs import Input
@@ -56,7 +57,7 @@ class BehaviorNode(GraphNode):
         self._input = Input(self, World, WORLD, decode_world, self._on_world, STEP_QOS)
         self._watch = WorldWatch(self, self._input)
         self.get_logger().info(
-            f"{self._behavior.name}: {tree.leaf_count} leaves, tree {tree.hash[:12]}, from {path.name}"
+            one_line(f"{self._behavior.name}: {tree.leaf_count} leaves, tree {tree.hash[:12]}, from {path.name}")
         )
 
     def _on_world(self, world: World, _data: bytes) -> None:

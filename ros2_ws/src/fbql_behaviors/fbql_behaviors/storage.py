@@ -29,6 +29,8 @@ FORMAT = "fbql_tree"
 SUPPORTED_VERSIONS = (1,)
 MAX_BYTES = 8 * 2**20
 """Largest tree file that is read."""
+MAX_DEPTH = 32
+"""Deepest nesting in a tree's origin."""
 
 
 def load_tree(path: Path) -> Tree:
@@ -71,13 +73,24 @@ def tree_from_bytes(data: bytes) -> Tree:
         tuple(_each(content, "features", _feature)),
         tuple(_each(content, "nodes", _node)),
         tuple(_each(content, "leaves", _leaf)),
-        _value(content, "origin", dict),
+        _flat_enough(_value(content, "origin", dict)),
     )
     if tree.behavior in OBSERVATIONS:
         check_features(tree, OBSERVATIONS[tree.behavior])
     if content.get("sha256") != tree.hash:
         raise BadInput(f"sha256 does not match the content, which has {tree.hash}; the file was changed or damaged")
     return tree
+
+
+def _flat_enough(origin: dict[str, Any]) -> dict[str, Any]:
+    """The origin, if whatever handles it can nest as deep."""
+    level: list[Any] = [origin]
+    for _ in range(MAX_DEPTH):
+        level = [each for value in level for each in (value.values() if isinstance(value, dict) else value)]
+        level = [value for value in level if isinstance(value, dict | list)]
+    if level:
+        raise BadInput(f"'origin' is nested more than {MAX_DEPTH} deep")
+    return origin
 
 
 def json_from_bytes(data: bytes) -> Any:

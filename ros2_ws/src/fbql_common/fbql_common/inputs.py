@@ -14,6 +14,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_policy_name_from_kind
 
+from fbql_common.core.text import one_line
 from fbql_common.wire import MESSAGES, Rejected, type_name
 
 WARN_PERIOD_S = 1.0
@@ -87,7 +88,7 @@ class Input[T: Stamped]:
         if now - self._warned_s >= WARN_PERIOD_S:
             self._warned_s = now
             self._node.get_logger().warning(
-                f"dropped a message on {self.topic}: {reason} ({self.dropped} dropped so far)"
+                one_line(f"dropped a message on {self.topic}: {reason} ({self.dropped} dropped so far)")
             )
 
     def age_s(self) -> float | None:
@@ -118,4 +119,4 @@ class Input[T: Stamped]:
     def _mismatch(self, what: str, text: str) -> None:
         if what not in self._mismatches:
             self._mismatches.add(what)
-            self._node.get_logger().error(text)
+            self._node.get_logger().error(one_line(text))

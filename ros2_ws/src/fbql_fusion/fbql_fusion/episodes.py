@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from time import monotonic
 
+from fbql_common.core.text import one_line
 from fbql_common.core.types import World
 from fbql_common.spin import FAILED, GraphNode
 from fbql_common.topics import RESET_EPISODE
@@ -98,7 +99,7 @@ class Episodes:
     def _on_answer(self, call: Future) -> None:
         answer = call.result()
         if not answer.success:
-            self._node.get_logger().error(f"the simulator refused an episode: {answer.message}")
+            self._node.get_logger().error(one_line(f"the simulator refused an episode: {answer.message}"))
             self._node.finish(FAILED)
         elif self._asked is not None:
             self._asked = None

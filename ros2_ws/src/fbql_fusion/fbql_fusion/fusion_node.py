@@ -15,6 +15,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fbql_common.core.errors import BadInput
+from fbql_common.core.text import one_line
 from fbql_common.core.types import BehaviorOutput, WheelCommand, World
 from fbql_common.declare import declare_all, given_text
 from fbql_common.inputs import Input
@@ -82,7 +83,8 @@ class FusionNode(GraphNode):
         self._inputs = (self._world_input, *output_inputs)
         self._status = Status(self._session, self._inputs)
         self.create_service(SavePolicy, "~/save_policy", self._on_save_policy)
-        self._run = RunRecorder(self._settings, self._session, self.resolve_topic_name, self.get_logger().error)
+        complain = lambda text: self.get_logger().error(one_line(text))  # noqa: E731
+        self._run = RunRecorder(self._settings, self._session, self.resolve_topic_name, complain)
 
         self._started = False
         self._command: WheelCommand | None = None
@@ -95,7 +97,8 @@ class FusionNode(GraphNode):
         self._made_s = self._began_s = self._checked_s = self._said_s = monotonic()
         self._check_timer = steady_timer(self, _CHECK_PERIOD_S, self._check)
         self._flush_timer = steady_timer(self, self._settings.flush_period_s, self._run.flush)
-        self.get_logger().info(f"fusion: {fusion.controller} of {', '.join(fusion.behaviors)}; run in {self._run.path}")
+        named = one_line(f"{fusion.controller} of {', '.join(fusion.behaviors)}; run in {self._run.path}")
+        self.get_logger().info(f"fusion: {named}")
 
     # The step
 

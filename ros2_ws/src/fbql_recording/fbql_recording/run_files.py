@@ -47,7 +47,7 @@ def find_files(path: Path) -> RunFiles:
         if not path.exists():
             raise BadInput(f"{path}: no such run or recording")
     except OSError as error:  # a name that is too long, a directory that can't be listed
-        raise unreadable(path, error) from None
+        raise unreadable(Path(os.fsdecode(error.filename or path)), error) from None
     return RunFiles(None, [path])
 
 
