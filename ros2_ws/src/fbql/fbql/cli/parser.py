@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 from fbql_common.core.parameters import limits_of, types_of
 
 from fbql.cli.exit_codes import BAD_INPUT
+from fbql.cli.output import print_result
 
 RUN_HELP = "run directory, ROS 2 bag (MCAP), or .mcap file"
 
@@ -18,6 +19,12 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(allow_abbrev=False, **options)
+
+    def print_help(self, file: Any = None) -> None:
+        if file is None:
+            print_result(self.format_help().removesuffix("\n"))
+        else:
+            super().print_help(file)
 
     def error(self, message: str) -> NoReturn:
         self.exit(BAD_INPUT, f"{self.prog}: {message} (see --help)\n")
