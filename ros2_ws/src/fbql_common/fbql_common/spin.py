@@ -25,6 +25,7 @@ from rclpy.utilities import remove_ros_args
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.text import one_line
+from fbql_common.middleware import prepare_node
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 SUPERVISED = "FBQL_SUPERVISED"
@@ -82,7 +83,7 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
     signals = _Signals()
     words = list(sys.argv if args is None else args)
     try:
-        refuse_security()
+        prepare_node(_say)
         _ensure_log_directory()
         rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
     except BadInput as error:
@@ -104,6 +105,8 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
         return _fail(error)
     except NameValidationException as error:
         return _fail(" ".join(str(error).rstrip("^ \n").split()))
+    except RCLError as error:  # such as a variable of the environment that the middleware can't use
+        return _fail(str(error).strip().partition("\n")[0])
     finally:
         rclpy.try_shutdown()
 
@@ -139,15 +142,6 @@ def how_ended(code: int) -> str:
         return f"was ended by {signal.Signals(number).name}"
     except ValueError:  # a real-time signal between the first and the last, which alone have names
         return f"was ended by signal {number}"
-
-
-def refuse_security() -> None:
-    """Raises BadInput where DDS-Security is requested: it is not available here, and would be ignored silently."""
-    if os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true":
-        raise BadInput(
-            "ROS_SECURITY_ENABLE is true, but this Fast DDS is built without DDS-Security and would run unsecured; "
-            "unset it, or use a ROS 2 with SROS2"
-        )
 
 
 def _refuse_other_arguments(words: Sequence[str]) -> None:
@@ -188,6 +182,10 @@ def _log_directory() -> Path | None:
     if home := os.environ.get("ROS_HOME"):
         return Path(home) / "log"
     return Path(home) / ".ros" / "log" if (home := os.environ.get("HOME")) else None
+
+
+def _say(text: str) -> None:
+    print(one_line(text), file=sys.stderr)
 
 
 def _fail(message: object) -> int:

@@ -12,7 +12,7 @@ import shlex
 import shutil
 
 from fbql_common.core.errors import BadInput
-from fbql_common.spin import refuse_security
+from fbql_common.middleware import prepare_middleware
 
 from fbql.cli.exit_codes import FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupted, Interrupts
@@ -95,7 +95,7 @@ def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrup
         value = getattr(arguments, name)
         if not low <= value <= high:
             raise BadInput(f"--{name.replace('_', '-')} is {value:g}, outside of [{low:g}, {high:g}]")
-    refuse_security()
+    prepare_middleware(line.complain)
     domain_id = domain_from()
     match = match_from(arguments)
     rehearse(match)

@@ -33,6 +33,8 @@ _DISCOVERY_S = 3.0
 _FIRST_OUTPUT_S = 3.0
 _STALLED_S = 30.0
 """How long no step may be played before a node counts as hung [s]: longer than any node waits for another."""
+_SHARED_MEMORY_ERROR = b"RTPS_TRANSPORT_SHM"
+"""What Fast DDS names itself in an error about shared memory."""
 
 
 class GraphFailed(Exception):
@@ -86,7 +88,6 @@ class Supervision:
         with nullcontext(self._domain_id) if self._domain_id is not None else free_domain() as domain_id:
             # Logs stay with the run, wherever HOME is.
             os.environ["ROS_LOG_DIR"] = str(match.out / "log")
-            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
             if self._domain_id is not None:
                 self._refuse_twins(match, domain_id)
             commands = launch.commands(match, self._mode, launch.write_parameters(match, self._mode))
@@ -112,8 +113,18 @@ class Supervision:
             self._line.complain(_failure_text(failure, match), failure.process.tail() if failure.process else "")
         if killed:
             self._line.complain(f"did not end in time and had to be killed: {', '.join(killed)}")
+        self._report_shared_memory()
         completeness = self._completeness()
         return FAILED if failure is not None or killed else completeness
+
+    def _report_shared_memory(self) -> None:
+        """What a node's middleware prints in its log about shared memory, for the user: in one line."""
+        troubled = [process.name for process in self._started if _SHARED_MEMORY_ERROR in process.log_file.read_bytes()]
+        if troubled:
+            self._line.complain(
+                f"shared memory failed in {', '.join(troubled)}, whose messages went over UDP; see {self._started[0].log_file.parent}; "
+                "to mend it, when no ROS program runs: rm -f /dev/shm/fastrtps_* /dev/shm/sem.fastrtps_*"
+            )
 
     def _start(self, commands: Mapping[str, Sequence[str]], match: Match, environment: dict[str, str]) -> None:
         for name, command in commands.items():
