@@ -28,11 +28,12 @@ from fbql_common.topics import (
     WORLD,
     behavior_topic,
 )
+from fbql_common.twins import Twins
 from fbql_common.watch import WorldWatch, steady_timer
 from fbql_common.wire import decode_output, decode_world, encode_command, encode_decision
 from fbql_msgs.msg import FusionDecision
 from fbql_msgs.msg import WheelCommand as WheelCommandMsg
-from fbql_msgs.srv import SavePolicy
+from fbql_msgs.srv import ResetEpisode, SavePolicy
 
 from fbql_fusion.controller_loading import register_installed, resolve_controller
 from fbql_fusion.core.assembly import Arrival, PendingStep, StepAssembly
@@ -82,6 +83,10 @@ class FusionNode(GraphNode):
         self._inputs = (self._world_input, *output_inputs)
         self._status = Status(self._session, self._inputs)
         self.create_service(SavePolicy, "~/save_policy", self._on_save_policy)
+        self._twins = {
+            "another fusion node runs": Twins(self, WHEEL_COMMAND, SavePolicy),
+            "more than one simulator runs": Twins(self, WORLD, ResetEpisode, own=False),
+        }
         self._run = RunRecorder(self._settings, self._session, self.resolve_topic_name, self.get_logger().error)
 
         self._started = False
@@ -159,6 +164,8 @@ class FusionNode(GraphNode):
             self._began_s += stood_still_s
             self._episodes.heard_s += stood_still_s
         self._status.publish_due(now, self._diagnostics, self)
+        if self._has_twins() or not self.is_settled:
+            return
         if not self._started:
             self._start(now)
             return
@@ -170,12 +177,26 @@ class FusionNode(GraphNode):
             self._rejected = self._session.rejections.total
             self.get_logger().error(f"not used so far: {self._session.rejections}", throttle_duration_sec=1.0)
 
+    def _has_twins(self) -> bool:
+        """Ends the run where messages of a second simulator or fusion node could get into it."""
+        for what, twins in self._twins.items():
+            if names := twins.found():
+                self.get_logger().error(
+                    f"{what} in this graph: {names}; the run ends, and nothing more is learned; end one of them, or give it "
+                    "another ROS_DOMAIN_ID"
+                )
+                self.finish(FAILED)
+                return True
+        return False
+
     def _start(self, now: float) -> None:
         missing = [source.topic for source in self._inputs if source.publishers() == 0]
         if not self._episodes.can_ask():
             missing.append(f"service {self._episodes.service}")
         if self._command_publisher.get_subscription_count() == 0:
             missing.append(f"a subscriber of {self._command_publisher.topic_name}")
+        if not missing and any(twins.are_suspected for twins in self._twins.values()):
+            return
         if not missing:
             self._started = True
             self._next_episode()
