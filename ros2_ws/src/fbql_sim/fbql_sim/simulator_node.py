@@ -166,6 +166,8 @@ class SimulatorNode(GraphNode):
             response.success, response.message = False, f"episode {episode} and seed {seed} must be 0 or more"
             return response
         if (self._world.episode, self._world.step, self._seed) != (episode, 0, seed):
+            if self._world.episode == IDLE_EPISODE:
+                self._missed_ticks = 0  # nobody misses those before the match
             self._world, self._seed = self._loop.reset(episode, seed), seed
             self._command = None
         self._stepped_s = monotonic()
