@@ -110,8 +110,9 @@ def test_without_shared_memory_the_profile_is_udp_alone(monkeypatch: pytest.Monk
 
 
 def test_shared_memory_that_can_be_used_is_no_problem(tmp_path: Path) -> None:
-    for name in ("fastrtps_port7000", "fastrtps_port7000_el", "fastrtps_port7001_el", "fastrtps_ab12"):
+    for name in ("fastrtps_port7000_el", "fastrtps_port7001_el", "fastrtps_ab12"):
         (tmp_path / name).touch()
+    (tmp_path / "fastrtps_port7000").write_bytes(bytes(50_000))
     with (tmp_path / "fastrtps_port7000_el").open() as own:
         fcntl.flock(own, fcntl.LOCK_EX)
         assert shared_memory_problem(tmp_path) == ""

@@ -112,10 +112,11 @@ def shared_memory_problem(directory: Path = _SHARED_MEMORY) -> str:
 
 
 def _is_stale_lock(path: Path) -> bool:
-    """Whether the lock file of a port is held although the port is not there."""
-    if path.with_name(path.name.removesuffix("_el")).exists():
-        return False
+    """Whether the lock file of a port is held although the port is not there, or is no port: Fast DDS would wait for it."""
+    port = path.with_name(path.name.removesuffix("_el"))
     try:
+        if port.exists() and port.stat().st_size >= os.sysconf("SC_PAGE_SIZE"):
+            return False
         with path.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from errno import ENOENT
 from pathlib import Path
+from time import monotonic
 from types import FrameType
 from typing import Any
 
@@ -32,6 +33,8 @@ SUPERVISED = "FBQL_SUPERVISED"
 """Environment variable that a supervisor sets for the processes it starts: one that a signal ends then returns 128 plus the
 signal's number, as a shell reports it, instead of 0, so that the supervisor can tell who was ended by what."""
 _SIGNAL_BASE = 128
+_SETTLE_S = 1.0
+"""How long a node that is started by itself looks for others of its kind [s]. A supervisor sees to it that there are none."""
 _PATIENCE_S = 0.2
 """How often the executor checks for signals [s]. Its spin() without a timeout never does (in these wheels)."""
 
@@ -46,11 +49,21 @@ class GraphNode(Node):
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, **options)
         self.finished: Future = Future()
+        self._settles_s = float("-inf")
 
     def finish(self, code: int = DONE) -> None:
         """Ends the spinning with an exit code; only the first call counts."""
         if not self.finished.done():
             self.finished.set_result(code)
+
+    def settle(self, duration_s: float) -> None:
+        """Lets the node look for others of its kind for this long before it takes part."""
+        self._settles_s = monotonic() + duration_s
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether that time is over."""
+        return monotonic() >= self._settles_s
 
     def close(self) -> None:
         """Called once when the spinning has ended, for any reason; publishing still works."""
@@ -98,6 +111,8 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
         executor = EventsExecutor()
         for make in make_nodes:
             node = make()
+            if not os.environ.get(SUPERVISED):
+                node.settle(_SETTLE_S)
             nodes.append(node)
             executor.add_node(node)
         return _spin(executor, nodes, signals)

@@ -20,7 +20,7 @@ from fbql.graph.domains import free_domain
 from fbql.graph.observer import Observer
 from fbql.graph.processes import NodeProcess, start, stop
 from fbql.match.options import Match
-from fbql.match.result import Asked, played_so_far, status_line
+from fbql.match.result import Asked, export_text, played_so_far, status_line
 
 if TYPE_CHECKING:  # it takes message packages that a bring-up without it need not load
     from fbql.graph.foxglove_live import FoxgloveLive
@@ -33,6 +33,8 @@ _DISCOVERY_S = 3.0
 _FIRST_OUTPUT_S = 3.0
 _STALLED_S = 30.0
 """How long no step may be played before a node counts as hung [s]: longer than any node waits for another."""
+_LAST_COUNT_S = 0.3
+"""The simulator publishes its counts again within this time [s]."""
 _SHARED_MEMORY_ERROR = b"RTPS_TRANSPORT_SHM"
 """What Fast DDS names itself in an error about shared memory."""
 
@@ -70,10 +72,14 @@ class Supervision:
         self._mode = mode
         self._domain_id = domain_id
         self._start_timeout_s = start_timeout_s
+        self.domain_id = domain_id
+        """The domain of the graph, once it runs."""
         self._line = line
         self._interrupts = interrupts
         self._live = live
         self._started: list[NodeProcess] = []
+        self.missed_ticks: int | None = None
+        """Real time: steps that could not be done in time; None in lockstep."""
 
     def run(self, match: Match) -> int:
         """Plays the match in its run directory; every process has ended when this returns or raises.
@@ -94,7 +100,9 @@ class Supervision:
             self._interrupts.check(BEFORE_THE_MATCH)
             names = launch.node_names(match)
             how = "one process each" if self._mode.processes == "many" else "all in one process"
+            self.domain_id = domain_id
             self._line.say(f"bringing up {len(names)} nodes, {how}, in ROS_DOMAIN_ID={domain_id}")
+            self._line.say(f"to look on from a second shell: {export_text(domain_id)}")
             failure: GraphFailed | None = None
             try:
                 self._start(commands, match, {**os.environ, "ROS_DOMAIN_ID": str(domain_id)})
@@ -196,7 +204,12 @@ class Supervision:
             observer.look(_LOOK_S)
             if observer.status:
                 self._line.show(partial(status_line, observer.status))
+            if self._mode.realtime > 0:
+                self.missed_ticks = observer.missed_ticks
             if fusion.exit_code in (DONE, INCOMPLETE):
+                if self._mode.realtime > 0:
+                    observer.look(_LAST_COUNT_S)
+                    self.missed_ticks = observer.missed_ticks
                 return
             self._fail_on_exit()
             now_at = observer.status.get("episode", ""), observer.status.get("step", "")
