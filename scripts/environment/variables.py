@@ -87,7 +87,14 @@ def without_foreign_ros(target: Target, environ: Mapping[str, str], warns: bool)
     """
     result = dict(environ)
     prefixes = split_path(environ.get("AMENT_PREFIX_PATH"))
-    if target.underlay or target.venv in prefixes:
+    if target.underlay:
+        return result
+    rmw = result.get("RMW_IMPLEMENTATION") or "rmw_fastrtps_cpp"
+    if rmw != "rmw_fastrtps_cpp":
+        del result["RMW_IMPLEMENTATION"]
+        if warns:
+            say(f"RMW_IMPLEMENTATION={rmw!r} is ignored: the wheels contain only rmw_fastrtps_cpp")
+    if target.venv in prefixes:
         return result
     for name in ("COLCON_PREFIX_PATH", *OF_A_DISTRO):
         result.pop(name, None)
@@ -98,15 +105,10 @@ def without_foreign_ros(target: Target, environ: Mapping[str, str], warns: bool)
         set_path(
             result, name, [each for each in split_path(result.get(name)) if roots.isdisjoint((each, *each.parents))]
         )
-    rmw = result.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
-    if rmw != "rmw_fastrtps_cpp":
-        del result["RMW_IMPLEMENTATION"]
     if foreign and warns:
         distro = environ.get("ROS_DISTRO")
         what = f"ROS 2 {distro}" if distro and distro != DISTRO else foreign[0]
         say(f"{what} is sourced, which is not a usable system Jazzy: it is ignored, and the Jazzy wheels are used")
-    if rmw != "rmw_fastrtps_cpp" and warns:
-        say(f"RMW_IMPLEMENTATION={rmw} is ignored: the wheels contain only rmw_fastrtps_cpp")
     return result
 
 

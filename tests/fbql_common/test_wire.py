@@ -120,3 +120,10 @@ def test_stamp_that_is_not_a_time_is_rejected(sec, nanosec):
 def test_bytes_of_another_message_are_rejected():
     with pytest.raises(wire.Rejected, match="malformed"):
         wire.decode_world(wire.encode_command(COMMAND))
+
+
+@pytest.mark.parametrize("message", wire.MESSAGES.values(), ids=lambda message: message.__name__)
+def test_no_message_that_a_node_receives_has_a_quaternion_that_could_be_wrong(message):
+    """Poses come in as x, y and yaw. An input takes no other types, and a pose of geometry_msgs is only ever published."""
+    kinds = {kind.removeprefix("sequence<").removesuffix(">") for kind in message.get_fields_and_field_types().values()}
+    assert kinds <= {"std_msgs/Header", "double", "int32", "int64", "uint8", "boolean", "string", "octet"}, kinds

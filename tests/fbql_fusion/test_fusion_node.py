@@ -21,7 +21,10 @@ from fbql_msgs.srv import SavePolicy
 from fbql_recording import open_run
 from geometry_msgs.msg import PoseStamped
 from hand_driven import BEHAVIORS, STEP_NS, FakeBehavior, FakeSimulator, Partner, listen, output_to, world_at
+from rclpy.clock import Clock as RosClock
+from rclpy.clock_type import ClockType
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from verified_run import verification_of
 
@@ -189,6 +192,61 @@ def test_answer_that_does_not_belong_to_the_step_is_no_answer(make_team, bench, 
     said = bench.said().count("/behaviors/wall_avoiding: a message has no stamp (reported once)")
     assert said == (changes.get("stamp_ns") == 0)
     assert [decision.step for decision in team.decisions] == [0]
+
+
+def test_answers_from_the_future_do_not_keep_a_step_from_its_own(make_team, bench):
+    team = make_team(lockstep_timeout_s=5.0)
+    team.silence(1)
+    world = team.simulator.show(0, 1)
+    for ahead in range(1, 40):
+        future = world._replace(stamp_ns=world.stamp_ns + ahead * STEP_NS, step=1 + ahead)
+        team.behaviors[1].publisher.publish(encode_output(output_to(future, 1)))
+    bench.until(lambda: team.behaviors[1].answered and team.behaviors[1].answered[-1].step == 40, "the last of them")
+    team.behaviors[1].answer(world)
+    decision = team.decided(1)
+    assert not decision.degraded
+
+
+def test_after_a_stall_the_command_of_the_newest_world_state_is_the_last(make_team, bench):
+    """While fusion stands still, world states and answers pile up; then they all come at once."""
+    team = make_team()
+    for step in range(1, 9):
+        world = team.simulator.show(0, step)
+        for behavior in team.behaviors:
+            behavior.silent = True
+            behavior.answer(world)
+    team.decided(8)
+    steps = [decision.step for decision in team.decisions]
+    assert steps == sorted(set(steps)), "each at most once, in order"
+    assert team.simulator.commands[-1].step == 8
+
+
+def test_a_fusion_node_ends_with_its_result_and_says_whose_controller_it_plays(make_team, bench):
+    team = make_team(episodes=2)
+    bench.until_said("fusion: subsumption (the node's default; bringup's is fbql) of ")
+    team.play(1)
+    team.simulator.show(0, 2, goal=True, terminated=True)
+    team.decided(2)
+    bench.remove(team.fusion)
+    assert "fusion: ended early: goals 1, episodes 1 of 2; run in " in bench.said()
+
+
+def test_errors_that_are_repeated_are_not_silenced_by_a_wall_clock_that_is_stepped_back(make_team, bench, monkeypatch):
+    """The clock of rclpy's throttle is the wall clock by default."""
+    team = make_team(begin=False)
+    moments = iter(range(10**9, 0, -1))
+    now = RosClock.now
+    is_steady = ClockType.STEADY_TIME
+    monkeypatch.setattr(
+        RosClock, "now", lambda self: now(self) if self.clock_type == is_steady else Time(seconds=next(moments))
+    )
+    monkeypatch.setattr("time.time", lambda: float(next(moments)))
+
+    def say():
+        team.fusion._say_again_and_again("still so")
+        return bench.said().count("still so") >= 2
+
+    bench.until(say, "it to be said twice")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The simulator node: lockstep, real time, resets, views, and commands that must not be used."""
 
 import math
+from time import monotonic
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -275,6 +276,37 @@ def test_command_whose_stamp_is_in_the_future_is_not_driven_in_real_time(bench, 
     realtime.command(world, stamp_ns=world.stamp_ns + 5 * NS)
     bench.until_said("s ahead of simulated time")
     assert realtime.worlds[-1].robot_speed_m_s == 0.0
+
+
+def test_of_a_burst_of_commands_only_the_newest_is_driven(bench, realtime):
+    """As they come when fusion has stood still: the robot must not turn by one after the other."""
+    realtime.reset()
+    first = realtime.worlds[-1]
+    bench.until(lambda: realtime.worlds[-1].step >= first.step + 9, "ten steps")
+    burst = realtime.worlds[-10:]
+    for world in burst[:-1]:
+        realtime.command(world, -50.0, -50.0)
+    realtime.command(burst[-1], 50.0, 50.0)
+    after = len(realtime.worlds)
+    bench.until(lambda: len(realtime.worlds) > after + 6, "steps after the burst")
+    speeds = [world.robot_speed_m_s for world in realtime.worlds[after:]]
+    assert min(speeds) >= 0.0 and max(speeds) > 0.0, speeds
+
+
+def test_a_simulator_that_has_stood_still_makes_up_for_nothing(bench, realtime):
+    """Missed ticks are counted; a burst of world states would make the world rush."""
+    realtime.reset()
+    bench.until(lambda: realtime.worlds[-1].step >= 2, "two steps")
+    until_s = monotonic() + 0.5
+    while monotonic() < until_s:  # nothing is spun
+        pass
+    before = realtime.worlds[-1].step
+    bench.until(lambda: realtime.worlds[-1].step > before, "the next step")
+    begun_s = monotonic()
+    first = realtime.worlds[-1].step
+    bench.until(lambda: realtime.worlds[-1].step >= first + 6, "six more steps")
+    assert monotonic() - begun_s > 3 / 60, "six steps take a tenth of a second"
+    assert realtime.simulator._counts()["missed_ticks"] >= 20
 
 
 def test_command_of_the_episode_before_is_not_driven_in_real_time(bench, realtime):

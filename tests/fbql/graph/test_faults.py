@@ -151,6 +151,57 @@ def test_security_that_cannot_be_had_is_refused(start: Start) -> None:
     assert not run.out.exists()
 
 
+SHORT = ("--controller", "subsumption", "--episodes", "2", "--max-steps", "50", "--seed", "3", "--json", *ONE)
+SHORT_DIGEST = "1f91001a6d8ca45713d60a4a450a6e17b0f34784db88a54de1e97b7c5a636e8e"
+
+
+def test_a_hostile_environment_is_set_aside_with_lines_before_anything_starts(start: Start) -> None:
+    hostile = {
+        "ROS_DISCOVERY_SERVER": "127.0.0.1:11811",
+        "ROS_SUPER_CLIENT": "True",
+        "ROS_STATIC_PEERS": "no.such.host",
+        "ROS_LOCALHOST_ONLY": "1",
+        "RMW_IMPLEMENTATION": "rmw_nothing_cpp",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": "/nowhere/profiles.xml",
+        "FASTDDS_BUILTIN_TRANSPORTS": "nonsense",
+        "RCUTILS_LOGGING_USE_STDOUT": "1",
+    }
+    run = start(*SHORT, environment=hostile)
+    assert run.exit_code() == 0, run.stderr
+    assert json.loads(run.stdout)["digest"] == SHORT_DIGEST
+    lines = run.stderr.splitlines()
+    begins = next(i for i, line in enumerate(lines) if line.startswith("bringing up"))
+    for name in hostile.keys() - {"RCUTILS_LOGGING_USE_STDOUT"}:
+        assert [i for i, line in enumerate(lines) if name in line and i < begins], name
+
+
+LOCK = """python3 -c 'import fcntl, os, time
+parent = os.getppid()
+held = [open(f"/dev/shm/fastrtps_port{port}_el", "w") for port in range(7000, 7040)]
+[fcntl.flock(each, fcntl.LOCK_EX) for each in held]
+open("/dev/shm/locked", "w")
+while os.getppid() == parent: time.sleep(0.1)' > /dev/null 2>&1 & while [ ! -e /dev/shm/locked ]; do sleep 0.05; done"""
+"""A process that holds the locks of the ports of shared memory for as long as the shell lives."""
+SHARED_MEMORY = {
+    "tiny": "mount -t tmpfs -o size=100k tmpfs /dev/shm",
+    "read-only": "mount -t tmpfs -o ro tmpfs /dev/shm",
+    "locked": f"mount -t tmpfs -o size=64m tmpfs /dev/shm && {LOCK}",
+    "locked beside its ports": (
+        f"mount -t tmpfs -o size=64m tmpfs /dev/shm && for port in $(seq 7000 7039); do > /dev/shm/fastrtps_port$port; done; {LOCK}"
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", SHARED_MEMORY)
+def test_shared_memory_that_fails_costs_a_line_and_no_result(start: Start, kind: str) -> None:
+    run = start(*SHORT, before=in_namespace(f"{{ {SHARED_MEMORY[kind]}; }}"))
+    assert run.exit_code() == 0, run.stderr
+    assert json.loads(run.stdout)["digest"] == SHORT_DIGEST
+    said = [line for line in run.stderr.splitlines() if line.startswith("bringup.py: shared memory ")]
+    assert len(said) == 1, run.stderr
+    assert "/dev/shm/fastrtps_*" in said[0]
+
+
 # Where nothing can be written
 
 

@@ -216,6 +216,17 @@ def test_memory_does_not_grow_with_stray_messages():
     assert assembly.complete().world == world
 
 
+def test_answers_with_stamps_of_the_future_do_not_push_out_the_step_that_is_played():
+    assembly, world = assembly_at(4), world_of(5)
+    assembly.add_world(world, b"")
+    answer_all(assembly, world, [0, 1])
+    for step in range(100, 200):
+        assembly.add_output(2, answer(world_of(step), 2), b"")
+    assert assembly.missing() == ["c"]
+    answer_all(assembly, world, [2])
+    assert assembly.complete().outputs == [answer(world, index) for index in range(3)]
+
+
 EVENTS = st.lists(
     st.one_of(
         st.tuples(st.just("world"), st.integers(0, 6), st.integers(0, 1)),

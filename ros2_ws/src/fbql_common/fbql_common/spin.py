@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from errno import ENOENT
 from pathlib import Path
+from time import monotonic
 from types import FrameType
 from typing import Any
 
@@ -25,12 +26,15 @@ from rclpy.utilities import remove_ros_args
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.text import one_line
+from fbql_common.middleware import prepare_node
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 SUPERVISED = "FBQL_SUPERVISED"
 """Environment variable that a supervisor sets for the processes it starts: one that a signal ends then returns 128 plus the
 signal's number, as a shell reports it, instead of 0, so that the supervisor can tell who was ended by what."""
 _SIGNAL_BASE = 128
+_SETTLE_S = 1.0
+"""How long a node that is started by itself looks for others of its kind [s]. A supervisor sees to it that there are none."""
 _PATIENCE_S = 0.2
 """How often the executor checks for signals [s]. Its spin() without a timeout never does (in these wheels)."""
 
@@ -45,11 +49,21 @@ class GraphNode(Node):
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, **options)
         self.finished: Future = Future()
+        self._settles_s = float("-inf")
 
     def finish(self, code: int = DONE) -> None:
         """Ends the spinning with an exit code; only the first call counts."""
         if not self.finished.done():
             self.finished.set_result(code)
+
+    def settle(self, duration_s: float) -> None:
+        """Lets the node look for others of its kind for this long before it takes part."""
+        self._settles_s = monotonic() + duration_s
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether that time is over."""
+        return monotonic() >= self._settles_s
 
     def close(self) -> None:
         """Called once when the spinning has ended, for any reason; publishing still works."""
@@ -82,7 +96,7 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
     signals = _Signals()
     words = list(sys.argv if args is None else args)
     try:
-        refuse_security()
+        prepare_node(_say)
         _ensure_log_directory()
         rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
     except BadInput as error:
@@ -97,6 +111,8 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
         executor = EventsExecutor()
         for make in make_nodes:
             node = make()
+            if not os.environ.get(SUPERVISED):
+                node.settle(_SETTLE_S)
             nodes.append(node)
             executor.add_node(node)
         return _spin(executor, nodes, signals)
@@ -104,6 +120,8 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
         return _fail(error)
     except NameValidationException as error:
         return _fail(" ".join(str(error).rstrip("^ \n").split()))
+    except RCLError as error:  # such as a variable of the environment that the middleware can't use
+        return _fail(str(error).strip().partition("\n")[0])
     finally:
         rclpy.try_shutdown()
 
@@ -139,15 +157,6 @@ def how_ended(code: int) -> str:
         return f"was ended by {signal.Signals(number).name}"
     except ValueError:  # a real-time signal between the first and the last, which alone have names
         return f"was ended by signal {number}"
-
-
-def refuse_security() -> None:
-    """Raises BadInput where DDS-Security is requested: it is not available here, and would be ignored silently."""
-    if os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true":
-        raise BadInput(
-            "ROS_SECURITY_ENABLE is true, but this Fast DDS is built without DDS-Security and would run unsecured; "
-            "unset it, or use a ROS 2 with SROS2"
-        )
 
 
 def _refuse_other_arguments(words: Sequence[str]) -> None:
@@ -188,6 +197,10 @@ def _log_directory() -> Path | None:
     if home := os.environ.get("ROS_HOME"):
         return Path(home) / "log"
     return Path(home) / ".ros" / "log" if (home := os.environ.get("HOME")) else None
+
+
+def _say(text: str) -> None:
+    print(one_line(text), file=sys.stderr)
 
 
 def _fail(message: object) -> int:

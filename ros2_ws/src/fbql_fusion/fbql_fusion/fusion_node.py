@@ -29,11 +29,14 @@ from fbql_common.topics import (
     WORLD,
     behavior_topic,
 )
+from fbql_common.twins import Twins
 from fbql_common.watch import WorldWatch, steady_timer
 from fbql_common.wire import decode_output, decode_world, encode_command, encode_decision
 from fbql_msgs.msg import FusionDecision
 from fbql_msgs.msg import WheelCommand as WheelCommandMsg
-from fbql_msgs.srv import SavePolicy
+from fbql_msgs.srv import ResetEpisode, SavePolicy
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 
 from fbql_fusion.controller_loading import register_installed, resolve_controller
 from fbql_fusion.core.assembly import Arrival, PendingStep, StepAssembly
@@ -83,10 +86,15 @@ class FusionNode(GraphNode):
         self._inputs = (self._world_input, *output_inputs)
         self._status = Status(self._session, self._inputs)
         self.create_service(SavePolicy, "~/save_policy", self._on_save_policy)
+        self._twins = {
+            "another fusion node runs": Twins(self, WHEEL_COMMAND, SavePolicy),
+            "more than one simulator runs": Twins(self, WORLD, ResetEpisode, own=False),
+        }
         complain = lambda text: self.get_logger().error(one_line(text))  # noqa: E731
         self._run = RunRecorder(self._settings, self._session, self.resolve_topic_name, complain)
 
         self._started = False
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._command: WheelCommand | None = None
         """The command of the step that was decided last."""
         self._command_data = b""
@@ -97,7 +105,8 @@ class FusionNode(GraphNode):
         self._made_s = self._began_s = self._checked_s = self._said_s = monotonic()
         self._check_timer = steady_timer(self, _CHECK_PERIOD_S, self._check)
         self._flush_timer = steady_timer(self, self._settings.flush_period_s, self._run.flush)
-        named = one_line(f"{fusion.controller} of {', '.join(fusion.behaviors)}; run in {self._run.path}")
+        by_default = "" if given_text(self, "controller") or controller else " (the node's default; bringup's is fbql)"
+        named = one_line(f"{fusion.controller}{by_default} of {', '.join(fusion.behaviors)}; run in {self._run.path}")
         self.get_logger().info(f"fusion: {named}")
 
     # The step
@@ -162,6 +171,8 @@ class FusionNode(GraphNode):
             self._began_s += stood_still_s
             self._episodes.heard_s += stood_still_s
         self._status.publish_due(now, self._diagnostics, self)
+        if self._has_twins() or not self.is_settled:
+            return
         if not self._started:
             self._start(now)
             return
@@ -171,7 +182,19 @@ class FusionNode(GraphNode):
         self._check_world(now)
         if self._session.rejections.total > self._rejected:
             self._rejected = self._session.rejections.total
-            self.get_logger().error(f"not used so far: {self._session.rejections}", throttle_duration_sec=1.0)
+            self._say_again_and_again(f"not used so far: {self._session.rejections}")
+
+    def _has_twins(self) -> bool:
+        """Ends the run where messages of a second simulator or fusion node could get into it."""
+        for what, twins in self._twins.items():
+            if names := twins.found():
+                self.get_logger().error(
+                    f"{what} in this graph: {names}; the run ends, and nothing more is learned; end one of them, or give it "
+                    "another ROS_DOMAIN_ID"
+                )
+                self.finish(FAILED)
+                return True
+        return False
 
     def _start(self, now: float) -> None:
         missing = [source.topic for source in self._inputs if source.publishers() == 0]
@@ -179,6 +202,8 @@ class FusionNode(GraphNode):
             missing.append(f"service {self._episodes.service}")
         if self._command_publisher.get_subscription_count() == 0:
             missing.append(f"a subscriber of {self._command_publisher.topic_name}")
+        if not missing and any(twins.are_suspected for twins in self._twins.values()):
+            return
         if not missing:
             self._started = True
             self._next_episode()
@@ -215,7 +240,7 @@ class FusionNode(GraphNode):
             )
         step = self._assembly.complete()
         if step is None:
-            self.get_logger().error("no behavior answers: the wheels are stopped", throttle_duration_sec=1.0)
+            self._say_again_and_again("no behavior answers: the wheels are stopped")
             step = self._assembly.newest()
         self._decide(step)
 
@@ -239,6 +264,10 @@ class FusionNode(GraphNode):
         if self._command is not None:
             self._command_publisher.publish(encode_command(self._command._replace(left_rad_s=0.0, right_rad_s=0.0)))
 
+    def _say_again_and_again(self, text: str) -> None:
+        """Logs an error, at most once a second of the steady clock; by default that would be the wall clock's."""
+        self.get_logger().error(text, throttle_duration_sec=1.0, throttle_time_source_type=self._steady)
+
     def _due(self, now: float) -> bool:
         """Whether it is time to report again what is awaited."""
         due = now - self._said_s > _SAY_PERIOD_S
@@ -260,8 +289,19 @@ class FusionNode(GraphNode):
         if not self._stopped:
             self._stop_wheels()
         self._run.close()
+        self.get_logger().info(f"fusion: {_result_text(self._session)}; run in {self._run.path}")
         if self._run.incomplete:
             self.finish(INCOMPLETE)
+
+
+def _result_text(session: Session) -> str:
+    """What was played of what was asked for, in words."""
+    summary, asked = session.summary(), session.parameters
+    rate = "" if summary.success_rate is None else f", success rate {summary.success_rate:.1%}"
+    if 0 < asked.episodes <= summary.episodes or 0 < asked.goals <= summary.goals:
+        return f"done: goals {summary.goals}, episodes {summary.episodes}{rate}"
+    goals = f"goals {summary.goals}{f' of {asked.goals}' if asked.goals else ''}"
+    return f"ended early: {goals}, episodes {summary.episodes}{f' of {asked.episodes}' if asked.episodes else ''}"
 
 
 def _know_controller(node: FusionNode) -> str:

@@ -25,6 +25,7 @@ from fbql_common.declare import declare_all
 from fbql_common.inputs import Input
 from fbql_common.spin import FAILED, GraphNode, spin
 from fbql_common.topics import STEP_QOS, WHEEL_COMMAND, WORLD
+from fbql_common.twins import Twins
 from fbql_common.watch import steady_timer
 from fbql_common.wire import NS, decode_command, encode_world
 from fbql_msgs.msg import WorldState
@@ -85,6 +86,7 @@ class SimulatorNode(GraphNode):
         self._views = Views(self, always=self._settings.realtime > 0)
         self._input = Input(self, WheelCommand, WHEEL_COMMAND, decode_command, self._on_command, STEP_QOS)
         self.create_service(ResetEpisode, "~/reset_episode", self._on_reset)
+        self._twins = Twins(self, WORLD, ResetEpisode)
         self._speed = self._settings.realtime
         if self._speed > 0:
             self._period_s = self._loop.dt_s / self._speed
@@ -96,6 +98,8 @@ class SimulatorNode(GraphNode):
         self.get_logger().info(f"simulator: {mode}, step {1e3 * self._loop.dt_s:.1f} ms")
 
     def _publish(self) -> None:
+        if not self.is_settled:
+            return  # another simulator may be there, whose graph this world state must not disturb
         self._publisher.publish(encode_world(self._world))
         self._views.show(self._world)
         self._published_s = monotonic()
@@ -138,7 +142,7 @@ class SimulatorNode(GraphNode):
             self._command, self._command_s = command, monotonic()
 
     def _tick(self) -> None:
-        if self._world.ended:
+        if self._world.ended or not self.is_settled:
             return
         now = monotonic()
         self._missed_ticks += max(0, round((now - self._stepped_s) / self._period_s) - 1)
@@ -162,6 +166,8 @@ class SimulatorNode(GraphNode):
             response.success, response.message = False, f"episode {episode} and seed {seed} must be 0 or more"
             return response
         if (self._world.episode, self._world.step, self._seed) != (episode, 0, seed):
+            if self._world.episode == IDLE_EPISODE:
+                self._missed_ticks = 0  # nobody misses those before the match
             self._world, self._seed = self._loop.reset(episode, seed), seed
             self._command = None
         self._stepped_s = monotonic()
@@ -174,6 +180,12 @@ class SimulatorNode(GraphNode):
         self._views.refresh(self._counts())
         if self._input.received == 0 and self._input.publishers() == 0:
             self._input.check_types()
+        if twins := self._twins.found():
+            self.get_logger().error(
+                f"another simulator runs in this graph: {twins}; end one of them, or give it another ROS_DOMAIN_ID"
+            )
+            self.finish(FAILED)
+            return
         now = monotonic()
         timeout_s = self._settings.lockstep_timeout_s
         under_way = self._world.episode >= 0 and not self._world.ended and self._speed == 0

@@ -74,12 +74,13 @@ class Views:
         self._refreshes = 0
 
     def refresh(self, counts: Mapping[str, int]) -> None:
-        """Updates which topics have subscribers; call it a few times a second. Publishes the counts about once a second."""
+        """Updates which topics have subscribers; call it a few times a second. Publishes the counts, in lockstep every
+        fourth time."""
         self._show_poses = self._always or any(publisher.get_subscription_count() for publisher in self._poses)
         self._show_clock = self._always or self._clock.get_subscription_count() > 0
         self._show_markers = self._markers.get_subscription_count() > 0
         self._refreshes += 1
-        if self._refreshes % 4 == 0:
+        if self._always or self._refreshes % 4 == 0:
             self._diagnostics.publish(self._diagnostics_msg(counts))
 
     def show(self, world: World) -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from importlib import import_module
 from importlib.metadata import entry_points, version
 from pathlib import Path
@@ -25,7 +26,7 @@ from fbql_common.core.errors import BadInput
 from fbql.cli.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from fbql.cli.interrupts import Interrupted, Interrupts
 from fbql.cli.missing import what_is_missing
-from fbql.cli.output import Unwritable, complain, print_result, set_program
+from fbql.cli.output import Unwritable, complain, print_result, results_apart, set_program
 from fbql.cli.places import type_commands_as
 
 GROUP = "fbql.commands"
@@ -91,10 +92,13 @@ def run(name: str, argv: Sequence[str], program: str = "") -> int:
         interrupts.install()  # before all else: importing takes a second, in which a signal would end in a traceback
 
     def work() -> int:
+        if os.environ.get("RMW_IMPLEMENTATION"):
+            _check_middleware()
         command = _find(name)
         return command.run(command.parser(program).parse_args(list(argv)), interrupts)
 
-    return reporting(work)
+    with results_apart() if name in COMMANDS else nullcontext():
+        return reporting(work)
 
 
 def reporting(work: Callable[[], int]) -> int:
@@ -139,6 +143,15 @@ def _find(name: str) -> Any:
     for each in entry_points(group=GROUP, name=name):
         return each.load()
     raise BadInput(f"there is no command '{name}'; choose one of: {', '.join(names())}")
+
+
+def _check_middleware() -> None:
+    """Before a command imports rclpy, which ends the process when the middleware that the user names is absent."""
+    try:
+        from fbql_common.middleware import set_aside_absent_middleware
+    except ModuleNotFoundError:  # no ROS here, and a command that needs it says so
+        return
+    set_aside_absent_middleware(complain)
 
 
 def _summary(name: str) -> str:

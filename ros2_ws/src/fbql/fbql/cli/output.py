@@ -25,6 +25,8 @@ _DISK_FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """The path is right, but the disk is full or fails: the same command may succeed later."""
 
 _program = "fbql"
+_results: TextIO | None = None
+"""Where results are printed inside of `results_apart`."""
 
 
 def set_program(name: str) -> None:
@@ -56,12 +58,40 @@ def print_result(text: str) -> None:
 
     A reader that left (`| head`, a closed terminal) is no error; raises OSError for others.
     """
+    stream = _results or sys.stdout
     try:
-        print(_encodable(as_lines(text.split("\n")), sys.stdout), flush=True)
+        print(_encodable(as_lines(text.split("\n")), stream), file=stream, flush=True)
     except OSError as error:
-        _silence(sys.stdout)
+        _silence(stream)
         if error.errno not in (errno.EPIPE, errno.EIO):
             raise
+
+
+@contextmanager
+def results_apart() -> Generator[None]:
+    """A context in which `print_result` alone writes to stdout; all else that is printed there goes to stderr.
+
+    The libraries beneath ROS print their errors on descriptor 1, and somebody's own controller may print as well. Neither
+    must get into a result that a program reads.
+    """
+    global _results
+    if sys.stdout is None or sys.stdout is not sys.__stdout__ or sys.stdout.fileno() != 1 or _results is not None:
+        yield  # a caller in this process has put something else in the place of stdout
+        return
+    sys.stdout.flush()
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    _results = os.fdopen(kept, "w", encoding=sys.stdout.encoding, errors=sys.stdout.errors, closefd=False)
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            sys.stdout.flush()
+        with suppress(OSError):
+            _results.close()
+        _results = None
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 class LiveLine:

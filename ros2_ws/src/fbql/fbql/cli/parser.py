@@ -14,7 +14,7 @@ from fbql_common.core.text import one_line
 from fbql_common.files import check_output
 
 from fbql.cli.exit_codes import BAD_INPUT
-from fbql.cli.output import write
+from fbql.cli.output import print_result, write
 
 RUN_HELP = "run directory, ROS 2 bag (MCAP), or .mcap file"
 
@@ -24,6 +24,12 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(allow_abbrev=False, **options)
+
+    def print_help(self, file: Any = None) -> None:
+        if file is None:
+            print_result(self.format_help().removesuffix("\n"))
+        else:
+            super().print_help(file)
 
     def error(self, message: str) -> NoReturn:
         self.exit(BAD_INPUT, f"{one_line(f'{self.prog}: {message} (see --help)')}\n")

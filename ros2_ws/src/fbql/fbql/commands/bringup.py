@@ -12,7 +12,7 @@ import shlex
 import shutil
 
 from fbql_common.core.errors import BadInput
-from fbql_common.spin import refuse_security
+from fbql_common.middleware import prepare_middleware
 
 from fbql.cli.exit_codes import FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupted, Interrupts
@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     except (BadInput, Interrupted):
         shutil.rmtree(match.out)  # nothing was played: leave nothing behind
         raise
-    return _report(match, code, arguments.json, line, interrupts)
+    return _report(match, code, arguments.json, line, interrupts, supervision)
 
 
 def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrupts) -> tuple[Match, Supervision]:
@@ -95,7 +95,7 @@ def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrup
         value = getattr(arguments, name)
         if not low <= value <= high:
             raise BadInput(f"--{name.replace('_', '-')} is {value:g}, outside of [{low:g}, {high:g}]")
-    refuse_security()
+    prepare_middleware(line.complain)
     domain_id = domain_from()
     match = match_from(arguments)
     rehearse(match)
@@ -112,7 +112,9 @@ def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrup
     return match, Supervision(mode, domain_id, arguments.start_timeout, line, interrupts, live)
 
 
-def _report(match: Match, code: int, as_json: bool, line: LiveLine, interrupts: Interrupts) -> int:
+def _report(
+    match: Match, code: int, as_json: bool, line: LiveLine, interrupts: Interrupts, supervision: Supervision
+) -> int:
     run = match.out
     path = run / "summary.json"
     if not path.is_file():
@@ -131,8 +133,12 @@ def _report(match: Match, code: int, as_json: bool, line: LiveLine, interrupts: 
     elif shortfall and code != FAILED:
         line.complain(f"the match ended after {shortfall}, and nothing says why; see {run / 'log'}")
         code = code or FAILED
+    missed = supervision.missed_ticks
+    if missed is not None:
+        summary["missed_ticks"] = missed
     text = summary_text(summary, run, match.simulation.dt_s, policy_summary(match), asked)
-    text += f"\n{next_steps(summary, run, same_options(match), match.fusion.learn, controller_options(match))}"
+    again = same_options(match)
+    text += f"\n{next_steps(summary, run, again, match.fusion.learn, controller_options(match), supervision.domain_id)}"
     try:
         print_result(json.dumps(summary) if as_json else text)
     except OSError as error:

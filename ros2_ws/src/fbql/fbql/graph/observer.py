@@ -15,6 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 _STATUS = "fusion: match"
+_WORLD_STATUS = "simulator: world"
 
 
 class CommandNode:
@@ -49,12 +50,16 @@ class Observer(CommandNode):
     def __init__(self, domain_id: int) -> None:
         super().__init__("bringup", domain_id)
         self.status: dict[str, str] = {}
+        self.missed_ticks = 0
+        """Steps that the simulator could not do in time, so far."""
         self.node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, POSE_QOS)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             if status.name == _STATUS:
                 self.status = {pair.key: pair.value for pair in status.values}
+            elif status.name == _WORLD_STATUS:
+                self.missed_ticks = next((int(pair.value) for pair in status.values if pair.key == "missed_ticks"), 0)
 
     def hear(self, kind: type[Any], topic: str, qos: QoSProfile, heard: Callable[[bytes], None]) -> None:
         """Passes on every message of a topic, as the bytes that were on the wire."""

@@ -20,7 +20,7 @@ from fbql.graph.domains import free_domain
 from fbql.graph.observer import Observer
 from fbql.graph.processes import NodeProcess, start, stop
 from fbql.match.options import Match
-from fbql.match.result import Asked, played_so_far, status_line
+from fbql.match.result import Asked, export_text, played_so_far, status_line
 
 if TYPE_CHECKING:  # it takes message packages that a bring-up without it need not load
     from fbql.graph.foxglove_live import FoxgloveLive
@@ -33,6 +33,10 @@ _DISCOVERY_S = 3.0
 _FIRST_OUTPUT_S = 3.0
 _STALLED_S = 30.0
 """How long no step may be played before a node counts as hung [s]: longer than any node waits for another."""
+_LAST_COUNT_S = 0.3
+"""The simulator publishes its counts again within this time [s]."""
+_SHARED_MEMORY_ERROR = b"RTPS_TRANSPORT_SHM"
+"""What Fast DDS names itself in an error about shared memory."""
 
 
 class GraphFailed(Exception):
@@ -68,10 +72,14 @@ class Supervision:
         self._mode = mode
         self._domain_id = domain_id
         self._start_timeout_s = start_timeout_s
+        self.domain_id = domain_id
+        """The domain of the graph, once it runs."""
         self._line = line
         self._interrupts = interrupts
         self._live = live
         self._started: list[NodeProcess] = []
+        self.missed_ticks: int | None = None
+        """Real time: steps that could not be done in time; None in lockstep."""
 
     def run(self, match: Match) -> int:
         """Plays the match in its run directory; every process has ended when this returns or raises.
@@ -86,14 +94,15 @@ class Supervision:
         with nullcontext(self._domain_id) if self._domain_id is not None else free_domain() as domain_id:
             # Logs stay with the run, wherever HOME is.
             os.environ["ROS_LOG_DIR"] = str(match.out / "log")
-            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
             if self._domain_id is not None:
                 self._refuse_twins(match, domain_id)
             commands = launch.commands(match, self._mode, launch.write_parameters(match, self._mode))
             self._interrupts.check(BEFORE_THE_MATCH)
             names = launch.node_names(match)
             how = "one process each" if self._mode.processes == "many" else "all in one process"
+            self.domain_id = domain_id
             self._line.say(f"bringing up {len(names)} nodes, {how}, in ROS_DOMAIN_ID={domain_id}")
+            self._line.say(f"to look on from a second shell: {export_text(domain_id)}")
             failure: GraphFailed | None = None
             try:
                 self._start(commands, match, {**os.environ, "ROS_DOMAIN_ID": str(domain_id)})
@@ -112,8 +121,18 @@ class Supervision:
             self._line.complain(_failure_text(failure, match), failure.process.tail() if failure.process else "")
         if killed:
             self._line.complain(f"did not end in time and had to be killed: {', '.join(killed)}")
+        self._report_shared_memory()
         completeness = self._completeness()
         return FAILED if failure is not None or killed else completeness
+
+    def _report_shared_memory(self) -> None:
+        """What a node's middleware prints in its log about shared memory, for the user: in one line."""
+        troubled = [process.name for process in self._started if _SHARED_MEMORY_ERROR in process.log_file.read_bytes()]
+        if troubled:
+            self._line.complain(
+                f"shared memory failed in {', '.join(troubled)}, whose messages went over UDP; see {self._started[0].log_file.parent}; "
+                "to mend it, when no ROS program runs: rm -f /dev/shm/fastrtps_* /dev/shm/sem.fastrtps_*"
+            )
 
     def _start(self, commands: Mapping[str, Sequence[str]], match: Match, environment: dict[str, str]) -> None:
         for name, command in commands.items():
@@ -185,7 +204,12 @@ class Supervision:
             observer.look(_LOOK_S)
             if observer.status:
                 self._line.show(partial(status_line, observer.status))
+            if self._mode.realtime > 0:
+                self.missed_ticks = observer.missed_ticks
             if fusion.exit_code in (DONE, INCOMPLETE):
+                if self._mode.realtime > 0:
+                    observer.look(_LAST_COUNT_S)
+                    self.missed_ticks = observer.missed_ticks
                 return
             self._fail_on_exit()
             now_at = observer.status.get("episode", ""), observer.status.get("step", "")

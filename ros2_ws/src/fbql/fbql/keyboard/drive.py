@@ -14,7 +14,7 @@ from typing import NamedTuple
 from fbql_behaviors.core.observation import Observation, observation_of
 from fbql_behaviors.core.recipes import recipe_of
 from fbql_common.core.types import World
-from fbql_common.spin import refuse_security
+from fbql_common.middleware import prepare_middleware
 
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import complain, say
@@ -189,7 +189,7 @@ def demonstrate_by_keyboard(
     Raises BadInput before anybody has driven, and then leaves nothing behind.
     """
     observation, recipe, simulation = observation_of(behavior), recipe_of(behavior), simulation_of(behavior)
-    refuse_security()
+    prepare_middleware(complain)
     given_domain = domain_from()
     screen = Screen(ascii_only)
     sitting = Sitting((start for start, _ in starts(behavior, seed)), recipe.every, recipe.patterns)
@@ -200,7 +200,6 @@ def demonstrate_by_keyboard(
         domain = closing.enter_context(free_domain()) if given_domain is None else given_domain
         log_directory = Path(closing.enter_context(tempfile.TemporaryDirectory(prefix="fbql-demonstrate-")))
         os.environ["ROS_LOG_DIR"] = str(log_directory)
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         closing.enter_context(_stderr_to(log_directory / "instructor.log"))
         shared = given_domain is not None
         live = LiveSimulator(simulation, domain, shared, dict(os.environ), log_directory, drive.deliver)
@@ -223,16 +222,19 @@ def demonstrate_by_keyboard(
 
 @contextmanager
 def _stderr_to(file: Path) -> Generator[None]:
-    """Redirects stderr, which would be printed into the picture, to a file; prints it afterwards."""
+    """Redirects stderr, and what libraries print on stdout, both of which would be printed into the picture, to a file;
+    prints it afterwards."""
     sys.stderr.flush()
-    kept = os.dup(2)
+    kept = [os.dup(descriptor) for descriptor in (1, 2)]
     with file.open("wb") as stream:
-        os.dup2(stream.fileno(), 2)
+        for descriptor in (1, 2):
+            os.dup2(stream.fileno(), descriptor)
     try:
         yield
     finally:
         sys.stderr.flush()
-        os.dup2(kept, 2)
-        os.close(kept)
+        for descriptor, before in zip((1, 2), kept, strict=True):
+            os.dup2(before, descriptor)
+            os.close(before)
         for line in file.read_text(errors="replace").splitlines():
             say(line)

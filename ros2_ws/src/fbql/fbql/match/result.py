@@ -81,6 +81,7 @@ def summary_text(
         *([("policy", *policy)] if policy else []),
         *_guided(run / "episodes.csv"),
         ("played", summary["steps"], f"steps{_pace(summary, dt_s)}"),
+        *_missed(summary),
         ("digest", summary["digest"][:8], "of every step; equal for identical lockstep matches"),
         ("recording", recorded or "none", f"{'messages in ' if recorded else ''}{run}"),
     ]
@@ -113,6 +114,14 @@ def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
     return [("guided", count, "episodes first; they count only in the lines below")] if count else []
 
 
+def _missed(summary: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
+    """The row of the steps that were not done in time, of a match in real time."""
+    missed = summary.get("missed_ticks")
+    if missed is None:
+        return []
+    return [("missed", missed, "steps were late: the machine was too slow" if missed else "steps: all were in time")]
+
+
 def _rows(episodes: Path) -> list[dict[str, str]]:
     """The rows of an episodes.csv; none where it can't be read."""
     try:
@@ -122,13 +131,26 @@ def _rows(episodes: Path) -> list[dict[str, str]]:
         return []
 
 
-def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: bool = True, controller: str = "") -> str:
+def export_text(domain_id: int) -> str:
+    """What to type in another shell so that ROS tools there see the graph."""
+    return f"export ROS_DOMAIN_ID={domain_id} ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
+
+
+def next_steps(
+    summary: Mapping[str, Any],
+    run: Path,
+    same: str = "",
+    learn: bool = True,
+    controller: str = "",
+    domain_id: int | None = None,
+) -> str:
     """What to type next.
 
     Args:
         same: the options that give bringup the same behaviors, trees and parameters again.
         learn: whether the controller could keep learning.
         controller: the options that give it the same controller; by default its name.
+        domain_id: the domain that the graph was in, if there was one.
     """
     bringup = f"{command_text('bringup')}{same}"
     player = bringup + (controller or f" --controller {summary['controller']}")
@@ -147,6 +169,9 @@ def next_steps(summary: Mapping[str, Any], run: Path, same: str = "", learn: boo
     else:
         other = f"{bringup} --controller subsumption", "the same behaviors, selected by priority instead"
     steps = [other, (f"{player} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
+    if domain_id is not None:
+        meaning = "in a second shell while it runs, for ros2, RViz and others; a run names its domain when it starts"
+        steps.append((export_text(domain_id), meaning))
     if summary["messages_recorded"]:
         steps.append((f"{command_text('report')} {place}", "a page that shows what happened, step by step, and why"))
     if summary["messages_recorded"] and summary["incomplete"]:

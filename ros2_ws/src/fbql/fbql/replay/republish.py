@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager, nullcontext
 from time import monotonic, sleep
@@ -18,7 +17,7 @@ from typing import Any
 
 import rclpy
 from fbql_common.core.errors import BadInput
-from fbql_common.spin import refuse_security
+from fbql_common.middleware import prepare_middleware
 from fbql_common.topics import CLOCK
 from fbql_recording import Message, Run, Topic
 from rclpy._rclpy_pybind11 import RCLError
@@ -56,27 +55,26 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
     """Replays a run. Returns 0. Raises BadInput."""
     window = _Window(run, arguments)
     topics = _topics(run, arguments.topics)
-    refuse_security()
+    prepare_middleware(complain)
     domain = arguments.domain
     if domain is not None and not 0 <= domain <= MAX_DOMAIN_ID:
         raise BadInput(f"--domain {domain}: a domain is a number from 0 to {MAX_DOMAIN_ID}")
-    with nullcontext(domain) if domain is not None else free_domain() as domain_id:
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        with (
-            closing(Stage(run, topics, domain_id, arguments.clock, views=arguments.topics is None)) as stage,
-            closing(LiveLine()) as line,
-            _keyboard() as keys,
-        ):
-            if domain is not None:
-                stage.refuse_twins(interrupts)
-            say(f"replaying {run.path} in ROS_DOMAIN_ID={domain_id}: {len(topics)} topics, {window.words}")
-            if keys is not None and keys.taken:
-                say("space: pause, continue; s: one step; q: quit")
-            stage.wait_for_subscribers(arguments.wait, interrupts, may_have_twins=domain is not None)
-            replayed = _Replay(run, arguments, window, stage, line, keys, interrupts).play()
-            if arguments.json:
-                found = {"domain": domain_id, "topics": stage.names, "left_out": stage.left_out, **replayed}
-                print_result(json.dumps({**found, "complete": run.is_complete}))
+    with (
+        nullcontext(domain) if domain is not None else free_domain() as domain_id,
+        closing(Stage(run, topics, domain_id, arguments.clock, views=arguments.topics is None)) as stage,
+        closing(LiveLine()) as line,
+        _keyboard() as keys,
+    ):
+        if domain is not None:
+            stage.refuse_twins(interrupts)
+        say(f"replaying {run.path} in ROS_DOMAIN_ID={domain_id}: {len(topics)} topics, {window.words}")
+        if keys is not None and keys.taken:
+            say("space: pause, continue; s: one step; q: quit")
+        stage.wait_for_subscribers(arguments.wait, interrupts, may_have_twins=domain is not None)
+        replayed = _Replay(run, arguments, window, stage, line, keys, interrupts).play()
+        if arguments.json:
+            found = {"domain": domain_id, "topics": stage.names, "left_out": stage.left_out, **replayed}
+            print_result(json.dumps({**found, "complete": run.is_complete}))
     return 0
 
 

@@ -149,7 +149,9 @@ class StepAssembly:
         step = self._steps.get(stamp_ns)
         if step is None:
             if len(self._steps) == _MAX_STEPS:
-                del self._steps[next(iter(self._steps))]
+                # An answer with a stamp of the future must not push out a step that is being played.
+                without_world = [stamp for stamp, kept in self._steps.items() if kept.world is None]
+                del self._steps[max(without_world) if without_world else next(iter(self._steps))]
             step = self._steps[stamp_ns] = PendingStep(len(self._names))
         return step
 

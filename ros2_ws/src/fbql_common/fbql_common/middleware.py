@@ -1,0 +1,160 @@
+"""Settings of the middleware for the processes of one machine: what it reads from the environment when it starts.
+
+A graph of this project stays on its machine. Discovery alone does not see to that: Fast DDS binds its sockets to every
+interface, and a participant elsewhere that names this machine as a peer is answered. So processes get a profile of ours,
+which binds every socket to 127.0.0.1, and variables that would make discovery look elsewhere are set aside.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from ament_index_python import get_resources
+
+from fbql_common.core.errors import BadInput
+
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Variables that name a Fast DDS profile file; which one is read depends on its version."""
+ELSEWHERE = {
+    "ROS_DISCOVERY_SERVER": "nodes would be looked for at a discovery server",
+    "ROS_SUPER_CLIENT": "it is for a discovery server",
+    "ROS_STATIC_PEERS": "nodes would be looked for on other machines",
+    "FASTDDS_ENVIRONMENT_FILE": "it may name a discovery server",
+    "FASTDDS_BUILTIN_TRANSPORTS": "its sockets would be bound to every interface",
+}
+"""Variables that are set aside where a graph stays on this machine, and why."""
+_RMW, _FAST_DDS = "RMW_IMPLEMENTATION", "rmw_fastrtps_cpp"
+_SKIP_OTHER_PROFILES = "SKIP_DEFAULT_XML_FILE"
+_SHARED_MEMORY = Path("/dev/shm")
+_ROOM_BYTES = 8 << 20
+"""What a graph of five processes and a tool take, twice over."""
+
+
+def prepare_middleware(say: Callable[[str], None]) -> None:
+    """Keeps the ROS nodes of this process, and of those it starts, on this machine. Call it before rclpy.init.
+
+    Args:
+        say: called with one line for each variable that is set aside, and for what else the user should know.
+
+    Raises:
+        BadInput: DDS-Security is requested.
+    """
+    refuse_security()
+    set_aside_absent_middleware(say)
+    if os.environ.pop("ROS_LOCALHOST_ONLY", "") not in ("", "0"):
+        say(
+            f"ROS_LOCALHOST_ONLY is set aside: it is deprecated, and the graph stays on this machine in any case ({RANGE})"
+        )
+    for name, reason in ELSEWHERE.items():
+        if value := os.environ.pop(name, ""):
+            say(f"{name}={value!r} is set aside, because this graph stays on this machine: {reason}")
+    os.environ[RANGE] = "LOCALHOST"
+    rmw = os.environ.get(_RMW, _FAST_DDS)
+    if rmw != _FAST_DDS:
+        say(
+            f"{_RMW} is {rmw!r}: discovery stays on this machine, but what else can be reached is up to its own settings"
+        )
+    elif not _has_own_profile(say):
+        problem = shared_memory_problem()
+        if problem:
+            say(f"{problem}; messages go over UDP instead, which changes no result")
+        profile = str(Path(__file__).parent / "profiles" / ("loopback_udp.xml" if problem else "loopback.xml"))
+        # With a range other than this one, rmw adds a transport of its own, which is bound to every interface.
+        os.environ.update({**dict.fromkeys(PROFILES, profile), RANGE: "SYSTEM_DEFAULT", _SKIP_OTHER_PROFILES: "1"})
+
+
+def prepare_node(say: Callable[[str], None]) -> None:
+    """`prepare_middleware` for a node that somebody starts by itself, whose range of discovery is up to them: where that is
+    this machine. Raises BadInput if DDS-Security is requested."""
+    refuse_security()
+    local = os.environ.get(RANGE, "").upper() == "LOCALHOST" or os.environ.get("ROS_LOCALHOST_ONLY", "") not in (
+        "",
+        "0",
+    )
+    if local:
+        prepare_middleware(say)
+    else:
+        set_aside_absent_middleware(say)
+
+
+def refuse_security() -> None:
+    """Raises BadInput where DDS-Security is requested: it is not available here, and would be ignored silently."""
+    if os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true":
+        raise BadInput(
+            "ROS_SECURITY_ENABLE is true, but this Fast DDS is built without DDS-Security and would run unsecured; "
+            "unset it, or use a ROS 2 with SROS2"
+        )
+
+
+def shared_memory_problem(directory: Path = _SHARED_MEMORY) -> str:
+    """What keeps Fast DDS from using shared memory, and how to mend it, in one line; empty if nothing does."""
+    mend = f"when no ROS program runs: rm -f {directory}/fastrtps_* {directory}/sem.fastrtps_*"
+    try:
+        with tempfile.NamedTemporaryFile(prefix="fbql_", dir=directory) as file:
+            os.posix_fallocate(file.fileno(), 0, os.sysconf("SC_PAGE_SIZE"))
+        status = os.statvfs(directory)
+    except OSError as error:
+        return f"shared memory can't be used: {directory}: {error.strerror}; {mend}"
+    if (room := status.f_bavail * status.f_frsize) < _ROOM_BYTES:
+        return f"shared memory can't be used: {directory} has {room / 2**20:.1f} MB free, {_ROOM_BYTES >> 20} are needed; {mend}"
+    foreign = [path.name for path in directory.glob("fastrtps_port*") if _is_denied(path)]
+    if foreign:
+        return f"shared memory can't be used: {directory}/{foreign[0]} belongs to another user; {mend}"
+    locked = [path.name for path in directory.glob("fastrtps_port*_el") if _is_stale_lock(path)]
+    if locked:
+        return f"shared memory can't be used: {directory}/{locked[0]} is locked, and not by a ROS program; {mend}"
+    return ""
+
+
+def _is_stale_lock(path: Path) -> bool:
+    """Whether the lock file of a port is held although the port is not there, or is no port: Fast DDS would wait for it."""
+    port = path.with_name(path.name.removesuffix("_el"))
+    try:
+        if port.exists() and port.stat().st_size >= os.sysconf("SC_PAGE_SIZE"):
+            return False
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def _is_denied(path: Path) -> bool:
+    return path.exists() and not os.access(path, os.R_OK | os.W_OK)
+
+
+def _has_own_profile(say: Callable[[str], None]) -> bool:
+    """Whether the user names a profile file of their own; one that can't be read is set aside."""
+    found = False
+    for name in PROFILES:
+        value = os.environ.get(name, "")
+        if not value or Path(value).parent == Path(__file__).parent / "profiles":
+            continue
+        try:
+            Path(value).read_bytes()
+        except OSError as error:
+            del os.environ[name]
+            say(f"{name}={value!r} is set aside: the file can't be read ({error.strerror})")
+            continue
+        found = True
+        say(f"{name}={value!r} is used instead of our profile: what other machines can reach is up to that file")
+    return found
+
+
+def set_aside_absent_middleware(say: Callable[[str], None]) -> None:
+    """Sets RMW_IMPLEMENTATION aside where it names none that is installed: importing rclpy would end the process."""
+    name = os.environ.get(_RMW, "")
+    try:
+        known = sorted(each for each in get_resources("rmw_typesupport") if each != "rmw_implementation")
+    except OSError:  # no ROS is sourced: what imports rclpy next says so
+        return
+    if name and known and name not in known:
+        del os.environ[_RMW]
+        say(f"{_RMW}={name!r} is set aside: it is not installed; here is {', '.join(known)}")
