@@ -41,7 +41,10 @@ def cpu_shares(nodes, duration_s=1.0):
 def test_signals_end_every_executable_with_exit_code_0(start_node):
     """SIGINT ends each executable; the other two take the same way, so one executable stands for all."""
     nodes = start_all(start_node)
-    others = {number: start_node("fbql_sim", "simulator") for number in (signal.SIGTERM, signal.SIGHUP)}
+    others = {
+        number: start_node("fbql_sim", "simulator", "--ros-args", "-r", f"__ns:=/{number.name}")
+        for number in (signal.SIGTERM, signal.SIGHUP)
+    }
     for node in others.values():
         node.until_printed("simulator: lockstep")
     sent_s = monotonic()
@@ -109,8 +112,10 @@ def test_log_directory_that_cannot_be_written_is_redirected(start_node, tmp_path
         "no home": {"ROS_LOG_DIR": "", "HOME": ""},
     }
     nodes = {
-        case: start_node("fbql_sim", "simulator", TMPDIR=str(tmp_path), **environment)
-        for case, environment in cases.items()
+        case: start_node(
+            *("fbql_sim", "simulator", "--ros-args", "-r", f"__ns:=/case{number}"), TMPDIR=str(tmp_path), **environment
+        )
+        for number, (case, environment) in enumerate(cases.items())
     }
     for case, node in nodes.items():
         node.until_printed("simulator: lockstep")
