@@ -94,7 +94,7 @@ def test_a_node_that_fails_at_the_start_ends_the_rest_with_its_words_shown(start
     run = start(*ENDLESS, environment=broken_python(tmp_path, "wall_avoiding", code))
     assert run.exit_code() == 1
     assert run.processes() == {}
-    assert "node 'wall_avoiding' ended with exit code 7; its output" in run.stderr
+    assert "node 'wall_avoiding' ended with exit code 7 after 0 of 100000 goals; its output" in run.stderr
     assert "\nthis Python is broken\n" in run.stderr
 
 
