@@ -93,7 +93,7 @@ def without_foreign_ros(target: Target, environ: Mapping[str, str], warns: bool)
     if rmw != "rmw_fastrtps_cpp":
         del result["RMW_IMPLEMENTATION"]
         if warns:
-            say(f"RMW_IMPLEMENTATION={rmw!r} is ignored: the wheels contain only rmw_fastrtps_cpp")
+            say(f"RMW_IMPLEMENTATION={rmw} is ignored: the wheels contain only rmw_fastrtps_cpp")
     if target.venv in prefixes:
         return result
     for name in ("COLCON_PREFIX_PATH", *OF_A_DISTRO):

@@ -48,7 +48,10 @@ def test_nodes_that_wait_leave_the_processor_alone_and_signals_end_them_with_exi
         node.until_printed(ready)
     shares = cpu_shares(nodes)
     assert max(shares.values()) < IDLE_SHARE, shares
-    others = {number: start_node("fbql_sim", "simulator") for number in (signal.SIGTERM, signal.SIGHUP)}
+    others = {
+        number: start_node("fbql_sim", "simulator", "--ros-args", "-r", f"__ns:=/{number.name}")
+        for number in (signal.SIGTERM, signal.SIGHUP)
+    }
     for node in others.values():
         node.until_printed("simulator: lockstep")
     sent_s = monotonic()
@@ -116,8 +119,10 @@ def test_log_directory_that_cannot_be_written_is_redirected(start_node, tmp_path
         "no home": {"ROS_LOG_DIR": "", "HOME": ""},
     }
     nodes = {
-        case: start_node("fbql_sim", "simulator", TMPDIR=str(tmp_path), **environment)
-        for case, environment in cases.items()
+        case: start_node(
+            *("fbql_sim", "simulator", "--ros-args", "-r", f"__ns:=/case{number}"), TMPDIR=str(tmp_path), **environment
+        )
+        for number, (case, environment) in enumerate(cases.items())
     }
     for case, node in nodes.items():
         node.until_printed("simulator: lockstep")

@@ -164,3 +164,15 @@ def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None
     assert f"--policy {tmp_path}/policy.npz --no-learn --realtime 1" in frozen
     learned = next_steps({**SUMMARY, "controller": "fbql_literal"}, tmp_path)
     assert f"--controller fbql_literal --policy {tmp_path}/policy.npz" in learned
+
+
+def test_a_match_in_real_time_tells_how_many_ticks_it_missed() -> None:
+    assert "  missed" not in summary_text(SUMMARY, Path("/run"), 1 / 60)
+    slow = summary_text({**SUMMARY, "missed_ticks": 408}, Path("/run"), 1 / 60)
+    assert "  missed            408  ticks of real time: the machine was too slow" in slow
+    assert "  missed              0  ticks: every" in summary_text({**SUMMARY, "missed_ticks": 0}, Path("/run"), 1 / 60)
+
+
+def test_what_to_type_next_names_the_domain_of_the_graph(tmp_path: Path) -> None:
+    assert "  export ROS_DOMAIN_ID=7 " in next_steps(SUMMARY, tmp_path, domain_id=7)
+    assert "ROS_DOMAIN_ID" not in next_steps(SUMMARY, tmp_path)

@@ -20,7 +20,7 @@ from fbql.graph.domains import free_domain
 from fbql.graph.observer import Observer
 from fbql.graph.processes import NodeProcess, start, stop
 from fbql.match.options import Match
-from fbql.match.result import Asked, export_text, played_so_far, status_line
+from fbql.match.result import Asked, played_so_far, status_line
 
 if TYPE_CHECKING:  # it takes message packages that a bring-up without it need not load
     from fbql.graph.foxglove_live import FoxgloveLive
@@ -101,8 +101,9 @@ class Supervision:
             names = launch.node_names(match)
             how = "one process each" if self._mode.processes == "many" else "all in one process"
             self.domain_id = domain_id
-            self._line.say(f"bringing up {len(names)} nodes, {how}, in ROS_DOMAIN_ID={domain_id}")
-            self._line.say(f"to look on from a second shell: {export_text(domain_id)}")
+            self._line.say(
+                f"bringing up {len(names)} nodes, {how}, in ROS_DOMAIN_ID={domain_id} (export it to look on)"
+            )
             failure: GraphFailed | None = None
             try:
                 self._start(commands, match, {**os.environ, "ROS_DOMAIN_ID": str(domain_id)})

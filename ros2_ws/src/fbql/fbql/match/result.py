@@ -119,7 +119,13 @@ def _missed(summary: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
     missed = summary.get("missed_ticks")
     if missed is None:
         return []
-    return [("missed", missed, "steps were late: the machine was too slow" if missed else "steps: all were in time")]
+    return [
+        (
+            "missed",
+            missed,
+            "ticks of real time: the machine was too slow" if missed else "ticks: every step was in time",
+        )
+    ]
 
 
 def _rows(episodes: Path) -> list[dict[str, str]]:
