@@ -269,27 +269,19 @@ def test_answer_that_cannot_be_acted_on_is_dropped_and_the_step_goes_on_without(
     assert decision.weights[2] == 0.0 and decision.degraded
 
 
-def test_answer_of_another_frame_is_dropped_naming_the_expected_one(make_team, bench):
+@pytest.mark.parametrize(
+    ("frame", "shown"),
+    [("base_link", "base_link"), ("x\n[INFO] all is well\x1b[31m", r"x\n[INFO] all is well\x1b[31m")],
+)
+def test_answer_of_another_frame_is_dropped_naming_both_frames_escaped(make_team, bench, frame, shown):
     team = make_team(behavior_timeout_s=0.1)
     team.silence(0)
     world = team.simulator.show(0, 1)
     message = BehaviorOutputMsg(episode=0, step=1, name=BEHAVIORS[0], leaf_count=5, tree_hash="aa" * 32)
     message.header.stamp.nanosec = world.stamp_ns
-    message.header.frame_id = "base_link"
+    message.header.frame_id = frame
     team.behaviors[0].publisher.publish(message)
-    bench.until_said("frame_id is 'base_link', expected 'field'")
-    assert team.decided(1).degraded
-
-
-def test_what_another_node_sends_is_logged_escaped(make_team, bench):
-    team = make_team(behavior_timeout_s=0.1)
-    team.silence(0)
-    world = team.simulator.show(0, 1)
-    message = BehaviorOutputMsg(episode=0, step=1, name=BEHAVIORS[0], leaf_count=5, tree_hash="aa" * 32)
-    message.header.stamp.nanosec = world.stamp_ns
-    message.header.frame_id = "x\n[INFO] all is well\x1b[31m"
-    team.behaviors[0].publisher.publish(message)
-    bench.until_said("frame_id is 'x\\n[INFO] all is well\\x1b[31m', expected 'field'")
+    bench.until_said(f"frame_id is '{shown}', expected 'field'")
     assert team.decided(1).degraded
 
 
