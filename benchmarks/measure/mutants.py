@@ -27,6 +27,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from fbql.cli.app import reporting
+from fbql.cli.output import print_result, set_program
+from fbql.cli.parser import Parser
 from fbql_common.core.errors import BadInput
 
 from measure.mutation import Mutant, mutants_of
@@ -67,27 +70,25 @@ class Candidate:
 
 def main(argv: Sequence[str]) -> int:
     """Runs the study. Returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False
-    )
+    set_program(PROGRAM)
+    parser = Parser(prog=PROGRAM, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=100, metavar="N", help="mutants to try (100)")
     parser.add_argument("--seed", type=int, default=1, metavar="S", help="seed of the choice of mutants (1)")
     parser.add_argument("--core", choices=CORES, help="only mutants of this core (all)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="results (runs/mutants-sSEED.jsonl)")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args(list(argv))
-    try:
-        if arguments.runs < 1:
-            raise BadInput(f"--runs is {arguments.runs}; it must be 1 or more")
-        out = arguments.out or ROOT / "runs" / f"mutants-s{arguments.seed}.jsonl"
-        chosen = candidates([arguments.core] if arguments.core else CORES)
-        random.Random(arguments.seed).shuffle(chosen)
-        rows = study(chosen[: arguments.runs], out)
-    except (BadInput, OSError) as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return 2
-    result = summary(rows, known_equivalents())
-    print(json.dumps(result) if arguments.json else as_text(result))
+    return reporting(lambda: _run(arguments))
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    if arguments.runs < 1:
+        raise BadInput(f"--runs is {arguments.runs}; it must be 1 or more")
+    out = arguments.out or ROOT / "runs" / f"mutants-s{arguments.seed}.jsonl"
+    chosen = candidates([arguments.core] if arguments.core else CORES)
+    random.Random(arguments.seed).shuffle(chosen)
+    result = summary(study(chosen[: arguments.runs], out), known_equivalents())
+    print_result(json.dumps(result) if arguments.json else as_text(result))
     return 0
 
 
