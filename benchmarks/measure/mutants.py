@@ -22,7 +22,6 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import sqrt
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -30,6 +29,7 @@ from typing import Any
 from fbql.cli.app import reporting
 from fbql.cli.output import print_result, set_program
 from fbql.cli.parser import Parser
+from fbql.statistics.inference import wilson_interval
 from fbql_common.core.errors import BadInput
 
 from measure.mutation import Mutant, mutants_of
@@ -47,8 +47,6 @@ LEFT_OUT = {
 LIMIT_S = 300.0
 """Time that the tests of one mutant may take."""
 EQUIVALENT = Path(__file__).with_name("equivalent_mutants.json")
-Z = 1.959964
-"""Normal quantile of a 95 % interval."""
 FAILED, INTERRUPTED = 1, 2
 """Exit codes of pytest: a test failed; it could not collect the tests, such as by an error of the import."""
 
@@ -237,14 +235,6 @@ def known_equivalents() -> dict[tuple[str, str, str], str]:
     return {(row["file"], row["before"], row["after"]): row["why"] for row in rows}
 
 
-def wilson(successes: int, n: int) -> tuple[float, float]:
-    """The 95 % interval of a share (Wilson 1927); n > 0."""
-    share, z2 = successes / n, Z * Z
-    middle = (share + z2 / (2 * n)) / (1 + z2 / n)
-    half = Z / (1 + z2 / n) * sqrt(share * (1 - share) / n + z2 / (4 * n * n))
-    return max(middle - half, 0.0), min(middle + half, 1.0)
-
-
 def summary(rows: Sequence[Mapping[str, Any]], equivalent: Mapping[tuple[str, str, str], str]) -> dict[str, Any]:
     """Kill rates by core, and the survivors that are not known to be equivalent."""
     counted = [row for row in rows if (row["file"], row["before"], row["after"]) not in equivalent]
@@ -253,8 +243,8 @@ def summary(rows: Sequence[Mapping[str, Any]], equivalent: Mapping[tuple[str, st
         own = [row for row in counted if core in (row["core"], "all")]
         if own:
             killed = sum(row["noticed"] for row in own)
-            low, high = wilson(killed, len(own))
-            cores[core] = {"mutants": len(own), "killed": killed, "rate": killed / len(own), "low": low, "high": high}
+            rate, low, high = wilson_interval(killed, len(own))
+            cores[core] = {"mutants": len(own), "killed": killed, "rate": rate, "low": low, "high": high}
     survivors = [_words(row) for row in counted if not row["noticed"]]
     return {"cores": cores, "equivalent": len(rows) - len(counted), "survivors": survivors}
 

@@ -60,12 +60,6 @@ def test_every_core_has_mutants(measured: Any) -> None:
     assert cores == set(measured.CORES)
 
 
-def test_the_interval_is_wilsons(measured: Any) -> None:
-    assert measured.wilson(8, 10) == pytest.approx((0.490162, 0.943318), abs=1e-6)  # Wilson 1927, by hand
-    assert measured.wilson(0, 5)[0] == pytest.approx(0.0, abs=1e-12)
-    assert measured.wilson(5, 5)[1] == 1.0
-
-
 def test_a_study_continues_where_it_stopped_and_lists_survivors(
     measured: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -12,6 +12,7 @@ from fbql.statistics.inference import (
     mean_interval,
     paired_p_value,
     ratio_of_sums,
+    wilson_interval,
 )
 
 
@@ -90,3 +91,11 @@ def test_band_of_one_point_is_the_interval_of_the_mean_and_leaves_out_what_is_no
 def test_one_run_or_pair_alone_has_no_interval_and_no_p():
     assert mean_interval([3.0]).estimate == 3.0
     assert np.isnan([*mean_interval([3.0])[1:], *ratio_of_sums([3.0], [1.0])[1:], paired_p_value([3.0], [2.0])]).all()
+
+
+def test_the_interval_of_a_share_is_wilsons() -> None:
+    share, *ends = wilson_interval(8, 10)
+    assert share == 0.8
+    assert ends == pytest.approx((0.490162, 0.943318), abs=1e-6)  # Wilson 1927, by hand
+    assert wilson_interval(0, 5).low == pytest.approx(0.0, abs=1e-12)
+    assert wilson_interval(5, 5).high == 1.0

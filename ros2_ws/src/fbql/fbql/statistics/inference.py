@@ -6,7 +6,7 @@ Bootstraps and permutation tests draw from a generator with a fixed seed, so tha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import nan
+from math import nan, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,8 @@ import numpy.typing as npt
 
 RESAMPLES = 10_000
 SEED = 20_261_122
+_Z = 1.959964
+"""Normal quantile of a 95 % interval."""
 
 
 class Interval(NamedTuple):
@@ -136,6 +138,17 @@ class Resamples:
 def mean_interval(values: Sequence[float]) -> Interval:
     """The mean over runs, with the percentile bootstrap over the runs; a single run has no interval (NaN ends)."""
     return ratio_of_sums(values, [1.0] * len(values))
+
+
+def wilson_interval(successes: int, n: int) -> Interval:
+    """The share of successes among n > 0 independent trials, with the score interval.
+
+    Source: Wilson, Probable Inference, the Law of Succession, and Statistical Inference (1927).
+    """
+    share, z2 = successes / n, _Z * _Z
+    middle = (share + z2 / (2 * n)) / (1 + z2 / n)
+    half = _Z / (1 + z2 / n) * sqrt(share * (1 - share) / n + z2 / (4 * n * n))
+    return Interval(share, max(middle - half, 0.0), min(middle + half, 1.0))
 
 
 def paired_p_value(ours: Sequence[float], theirs: Sequence[float]) -> float:
