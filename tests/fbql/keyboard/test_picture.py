@@ -9,10 +9,10 @@ from fbql.keyboard.page import LEAST_COLUMNS, LEAST_ROWS, driving_side, page, re
 from fbql.keyboard.picture import field_picture
 from fbql.keyboard.sitting import Sitting
 from fbql.keyboard.steering import Steering
-from fbql.terminal.keys import Key
-from fbql.terminal.screen import Line, text_of
 from fbql_behaviors.core.observation import OBSERVATIONS, observation_of
 from fbql_common.core.types import WheelCommand, World
+from fbql_common.terminal.keys import Key
+from fbql_common.terminal.screen import Line, text_of
 from fbql_sim.core.arena import HALF_LENGTH, HALF_WIDTH, closest_wall_point
 from hypothesis import given
 from hypothesis import strategies as st

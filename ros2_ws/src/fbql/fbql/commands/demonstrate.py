@@ -21,6 +21,7 @@ from fbql_behaviors.core.observation import observation_of
 from fbql_behaviors.core.patterns import Demonstration, patterns_of
 from fbql_behaviors.core.recipes import recipe_of
 from fbql_common.core.errors import BadInput
+from fbql_common.terminal.screen import trouble_with_terminal
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
@@ -34,7 +35,6 @@ from fbql.demonstrations.origins import Origin, about_origins, merge, recordings
 from fbql.demonstrations.recording import save_demonstrations
 from fbql.demonstrations.replay import verify
 from fbql.keyboard.show import show
-from fbql.terminal.screen import trouble_with_terminal
 
 SCRIPTED_SEED = 1
 SLOWEST, FASTEST = 0.01, 100.0

@@ -15,6 +15,8 @@ from fbql_behaviors.core.observation import Observation, observation_of
 from fbql_behaviors.core.recipes import recipe_of
 from fbql_common.core.types import World
 from fbql_common.middleware import prepare_middleware
+from fbql_common.terminal.keys import DRIVING, Key
+from fbql_common.terminal.screen import Screen
 
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import complain, say
@@ -24,8 +26,6 @@ from fbql.keyboard.live import LiveSimulator
 from fbql.keyboard.page import PICTURE_S, driving_side, page
 from fbql.keyboard.sitting import Kept, Safekeeping, Sitting
 from fbql.keyboard.steering import Steering
-from fbql.terminal.keys import DRIVING, Key
-from fbql.terminal.screen import Screen
 
 LOOK_S = 1 / 60
 """Longest time between two checks of the keys [s]."""

@@ -9,11 +9,11 @@ from fbql_behaviors.core.observation import Observation
 from fbql_behaviors.core.quantizer import rad_s_of
 from fbql_common.core.field import WHEEL_RADIUS_M
 from fbql_common.core.types import WheelCommand, World
+from fbql_common.terminal.screen import Line
 
 from fbql.keyboard.picture import field_picture
 from fbql.keyboard.sitting import Sitting
 from fbql.keyboard.steering import FASTEST_LEVEL, Steering
-from fbql.terminal.screen import Line
 
 PICTURE_S = 1 / 20
 """Time between two pages [s]."""

@@ -12,9 +12,8 @@ from math import ceil, cos, hypot, sin, tau
 
 from fbql_common.core.field import BALL_RADIUS_M, FIELD, ROBOT_SIDE_M
 from fbql_common.core.types import World
+from fbql_common.terminal.screen import Line
 from fbql_sim.core.arena import HALF_GOAL, HALF_LENGTH, HALF_WIDTH, POCKET, SEGMENTS
-
-from fbql.terminal.screen import Line
 
 _Inside = Callable[[float, float], bool]
 """Whether a point of a body's own frame [m] belongs to it."""

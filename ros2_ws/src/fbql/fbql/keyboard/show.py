@@ -8,12 +8,12 @@ from time import monotonic
 
 from fbql_behaviors.core.observation import observation_of
 from fbql_behaviors.demonstration_storage import Recording
+from fbql_common.terminal.keys import Key
+from fbql_common.terminal.screen import Screen
 from fbql_recording.core.decoding import NS
 
 from fbql.cli.interrupts import Interrupts
 from fbql.keyboard.page import PICTURE_S, page, replay_side
-from fbql.terminal.keys import Key
-from fbql.terminal.screen import Screen
 
 
 def show(recordings: Sequence[Recording], realtime: float, ascii_only: bool, interrupts: Interrupts) -> None:

@@ -11,8 +11,7 @@ what was driven.
 from __future__ import annotations
 
 from fbql_behaviors.core.quantizer import rad_s_of
-
-from fbql.terminal.keys import Key
+from fbql_common.terminal.keys import Key
 
 FASTEST_LEVEL = 8
 """Highest speed [levels]: 1.0 m/s; nobody can react in time at higher speeds."""

@@ -18,6 +18,7 @@ from typing import Any
 import rclpy
 from fbql_common.core.errors import BadInput
 from fbql_common.middleware import prepare_middleware
+from fbql_common.terminal.screen import RawTerminal
 from fbql_common.topics import CLOCK
 from fbql_recording import Message, Run, Topic
 from rclpy._rclpy_pybind11 import RCLError
@@ -34,7 +35,6 @@ from fbql.cli.output import LiveLine, complain, print_result, say, warn
 from fbql.graph.domains import MAX_DOMAIN_ID, free_domain
 from fbql.replay.pace import Order, Pace
 from fbql.replay.topics import ReplayViews, message_class, qos_of
-from fbql.terminal.screen import RawTerminal
 
 NODE = "replay"
 NS = 1_000_000_000

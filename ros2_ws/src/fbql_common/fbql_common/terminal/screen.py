@@ -19,8 +19,7 @@ from types import FrameType, TracebackType
 from typing import Self
 
 from fbql_common.core.errors import BadInput
-
-from fbql.terminal.keys import Key, KeyDecoder
+from fbql_common.terminal.keys import Key, KeyDecoder
 
 Span = tuple[str, str]
 """Text and its style, as the parameters of SGR (`ESC [ ... m`); no style is empty."""
