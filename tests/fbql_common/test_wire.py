@@ -4,6 +4,7 @@ import math
 
 import pytest
 from fbql_common import wire
+from fbql_common.core.twist import StampedTwist, Twist
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from hypothesis import given
 from hypothesis import strategies as st
@@ -47,17 +48,22 @@ DECISIONS = st.builds(
     st.booleans(),
     st.lists(FINITE, max_size=4).map(tuple),
 )
+TWISTS = st.builds(Twist, *[FINITE] * 6)
 PAIRS = [
     (WORLDS, wire.encode_world, wire.decode_world),
     (OUTPUTS, wire.encode_output, wire.decode_output),
     (COMMANDS, wire.encode_command, wire.decode_command),
     (DECISIONS, wire.encode_decision, wire.decode_decision),
+    (TWISTS, wire.encode_twist, wire.decode_twist),
+    (st.builds(StampedTwist, STAMPS, NAMES, TWISTS), wire.encode_stamped_twist, wire.decode_stamped_twist),
+    (st.booleans(), wire.encode_flag, wire.decode_flag),
 ]
 
 WORLD = World(1_234_567_890, 3, 17, -1.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, *[True, False] * 3)
 OUTPUT = BehaviorOutput(5, 1, 2, "ball_seeking", 1.0, 2.0, 3, 110, "ab" * 32, True, (0.5, 0.25))
 COMMAND = WheelCommand(5, 1, 2, 1.5, -2.5)
 DECISION = Decision(5, 1, 2, "fbql", 1, ("a", "b"), (1, 2), (0.1, 0.2), (0.3, 0.7), 1, -5.0, True, (0.4, 0.6))
+TWIST = Twist(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 
 
 @pytest.mark.parametrize(("values", "encode", "decode"), PAIRS)
@@ -96,6 +102,30 @@ def test_a_number_that_is_not_finite_is_rejected(bad):
             wire.decode_command(wire.encode_command(COMMAND._replace(**{field: bad})))
 
 
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", Twist._fields)
+def test_a_twist_with_a_velocity_that_is_not_finite_is_rejected(field, bad):
+    twist = TWIST._replace(**{field: bad})
+    with pytest.raises(wire.Rejected, match="a velocity is not finite"):
+        wire.decode_twist(wire.encode_twist(twist))
+    with pytest.raises(wire.Rejected, match="a velocity is not finite"):
+        wire.decode_stamped_twist(wire.encode_stamped_twist(StampedTwist(5, "base_link", twist)))
+
+
+def test_velocities_of_a_twist_arrive_under_their_own_names():
+    message = deserialize_message(wire.encode_twist(TWIST), wire.MESSAGES[Twist])
+    assert (message.linear.x, message.linear.y, message.linear.z) == TWIST[:3]
+    assert (message.angular.x, message.angular.y, message.angular.z) == TWIST[3:]
+    stamped = StampedTwist(1_234_567_890, "base_link", TWIST)
+    message = deserialize_message(wire.encode_stamped_twist(stamped), wire.MESSAGES[StampedTwist])
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1, 234_567_890)
+    assert (message.header.frame_id, message.twist.linear.x, message.twist.angular.z) == (
+        "base_link",
+        TWIST[0],
+        TWIST[5],
+    )
+
+
 @pytest.mark.parametrize("leaf_id", [-1, 110, 10**6])
 def test_leaf_id_out_of_range_is_rejected(leaf_id):
     with pytest.raises(wire.Rejected, match="leaf_id"):
@@ -126,4 +156,6 @@ def test_bytes_of_another_message_are_rejected():
 def test_no_message_that_a_node_receives_has_a_quaternion_that_could_be_wrong(message):
     """Poses come in as x, y and yaw. An input takes no other types, and a pose of geometry_msgs is only ever published."""
     kinds = {kind.removeprefix("sequence<").removesuffix(">") for kind in message.get_fields_and_field_types().values()}
-    assert kinds <= {"std_msgs/Header", "double", "int32", "int64", "uint8", "boolean", "string", "octet"}, kinds
+    velocities = {"geometry_msgs/Twist", "geometry_msgs/Vector3"}
+    plain = {"std_msgs/Header", "double", "int32", "int64", "uint8", "boolean", "string", "octet"}
+    assert kinds <= plain | velocities, kinds

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -10,7 +11,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from fbql_common.core.errors import BadInput
-from fbql_common.core.parameters import Limits, defaults_of, from_mapping, limits_of, types_of
+from fbql_common.core.parameters import Limits, defaults_of, from_mapping, groups_among, limits_of, types_of
 
 T = TypeVar("T")
 
@@ -57,38 +58,69 @@ def declare_parameters[T](node: Node, declaration: type[T]) -> T:
     return declare_all(node, declaration)[0]
 
 
-def declare_all(node: Node, *declarations: type[Any]) -> tuple[Any, ...]:
-    """declare_parameters for several declarations that share one node."""
+def declare_all(node: Node, *declarations: type[Any], groups: Mapping[str, type[Any]] | None = None) -> tuple[Any, ...]:
+    """declare_parameters for several declarations that share one node.
+
+    Args:
+        groups: the declaration of the parameters PREFIX.NAME.FIELD for each prefix; `declare_group` declares those.
+    """
     where = node.get_fully_qualified_name()
     known = [name for declaration in declarations for name in types_of(declaration)]
     for name in known:
         if known.count(name) > 1:
             raise BadInput(f"{where}: parameter '{name}' is declared by two parts; rename the one that is your own")
+    groups = groups or {}
     for name in node._parameter_overrides:
-        if name not in known and name not in _ALWAYS_THERE and not name.startswith("qos_overrides."):
-            raise BadInput(f"{where}: unknown parameter '{name}'; known are: {', '.join(known)}")
+        if name in known or name in _ALWAYS_THERE or name.startswith("qos_overrides."):
+            continue
+        prefix, _, rest = name.partition(".")
+        if prefix not in groups or rest.rpartition(".")[2] not in types_of(groups[prefix]) or "." not in rest:
+            of_groups = [f"{prefix}.NAME.{field}" for prefix, group in groups.items() for field in types_of(group)]
+            raise BadInput(f"{where}: unknown parameter '{name}'; known are: {', '.join([*known, *of_groups])}")
     return tuple(_declare(node, declaration, where) for declaration in declarations)
 
 
-def _declare[T](node: Node, declaration: type[T], where: str) -> T:
+def declare_group[T](node: Node, prefix: str, declaration: type[T], **defaults: Any) -> dict[str, T]:
+    """Declares PREFIX.NAME.FIELD for every NAME that the node is given some for, as `declare_parameters` does.
+
+    Call it after `declare_all`, which refuses unknown fields. The order is that of `groups_among`.
+
+    Args:
+        defaults: of fields, in the place of the declaration's.
+
+    Raises:
+        BadInput: as declare_parameters, and a required field that is not given.
+    """
+    where = node.get_fully_qualified_name()
+    groups = groups_among(node._parameter_overrides, prefix)
+    return {
+        group.removeprefix(f"{prefix}."): _declare(node, declaration, where, f"{group}.", defaults) for group in groups
+    }
+
+
+def _declare[T](
+    node: Node, declaration: type[T], where: str, prefix: str = "", defaults: Mapping[str, Any] | None = None
+) -> T:
     kinds, limits, values = types_of(declaration), limits_of(declaration), {}
-    for name, default in defaults_of(declaration).items():
-        kind = kinds[name]
+    for field, default in {**defaults_of(declaration), **(defaults or {})}.items():
+        name, kind = prefix + field, kinds[field]
         given = node._parameter_overrides.get(name)
         if given is not None and given.type_ == Parameter.Type.NOT_SET and default == []:
             given = None  # that is how rcl reads an empty list
+        if given is None and limits[field].required:
+            raise BadInput(f"{where}: parameter '{name}' is missing")
         if given is not None:
-            from_mapping(declaration, {name: _value_of(given, kind, where)}, where)
+            from_mapping(declaration, {field: _value_of(given, kind, where)}, where, prefix)
         # The type of an empty list can't be inferred from its value.
         declared = _TYPES[kind] if default == [] else default
-        descriptor = _descriptor(kind, limits[name])
+        descriptor = _descriptor(kind, limits[field])
         try:
-            values[name] = node.declare_parameter(name, declared, descriptor, ignore_override=given is None).value
+            values[field] = node.declare_parameter(name, declared, descriptor, ignore_override=given is None).value
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             raise BadInput(f"{where}: {error}") from None
         if kind == list[str]:
-            values[name] = list(values[name] or [])
-    return from_mapping(declaration, values, where)
+            values[field] = list(values[field] or [])
+    return from_mapping(declaration, values, where, prefix)
 
 
 def _value_of(given: Parameter, kind: Any, where: str) -> Any:

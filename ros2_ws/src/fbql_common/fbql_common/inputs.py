@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import monotonic
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -22,16 +22,7 @@ _UNKNOWN_NODE = "_NODE_NAME_UNKNOWN_"
 """The name that rmw gives a publisher whose node is not discovered yet."""
 
 
-class Stamped(Protocol):
-    """A value of a message with a header."""
-
-    @property
-    def stamp_ns(self) -> int:
-        """Simulated time of the world state that the message holds or answers [ns]; 0 where the sender set none."""
-        ...
-
-
-class Input[T: Stamped]:
+class Input[T]:
     """Subscribes `node` to `topic` and hands (value, bytes) of each sound message to `deliver`.
 
     Args:
@@ -76,7 +67,7 @@ class Input[T: Stamped]:
             return
         self.received += 1
         self._last_s = monotonic()
-        if value.stamp_ns == 0 and not self._warned_unstamped:
+        if getattr(value, "stamp_ns", None) == 0 and not self._warned_unstamped:
             self._warned_unstamped = True
             self._node.get_logger().warning(f"{self.topic}: a message has no stamp (reported once)")
         self._deliver(value, data)

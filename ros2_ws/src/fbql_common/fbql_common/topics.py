@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPresetProfiles, QoSProfile, ReliabilityPolicy
 
 from fbql_common.core.topic_names import (
     BALL_POSE,
     CLOCK,
     DECISION,
     DIAGNOSTICS,
+    MUX_DRIVER,
+    MUX_OUTPUT,
     RESET_EPISODE,
     ROBOT_POSE,
     WALL_POSE,
@@ -20,12 +22,17 @@ from fbql_common.core.topic_names import (
 __all__ = [
     "BALL_POSE",
     "CLOCK",
+    "COMMAND_QOS",
     "DECISION",
     "DIAGNOSTICS",
+    "LATCHED_QOS",
+    "MUX_DRIVER",
+    "MUX_OUTPUT",
     "POSE_QOS",
     "RESET_EPISODE",
     "ROBOT_POSE",
     "STEP_QOS",
+    "SYSTEM_QOS",
     "WALL_POSE",
     "WHEEL_COMMAND",
     "WORLD",
@@ -42,3 +49,12 @@ STEP_QOS = QoSProfile(
 
 POSE_QOS = STEP_QOS
 """For the topics that are made for ROS tools."""
+
+COMMAND_QOS = QoSProfile(depth=1)
+"""For a robot's velocity commands, of which only the newest is of use: reliable, as twist_mux's output is."""
+
+SYSTEM_QOS: QoSProfile = QoSPresetProfiles.SYSTEM_DEFAULT.value
+"""The middleware's own defaults, with which twist_mux subscribes to its inputs."""
+
+LATCHED_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""For a state: whoever comes late gets the last message."""

@@ -16,9 +16,12 @@ from fbql_msgs.msg import BehaviorOutput as BehaviorOutputMsg
 from fbql_msgs.msg import FusionDecision as FusionDecisionMsg
 from fbql_msgs.msg import WheelCommand as WheelCommandMsg
 from fbql_msgs.msg import WorldState as WorldStateMsg
-from std_msgs.msg import Header
+from geometry_msgs.msg import Twist as TwistMsg
+from geometry_msgs.msg import TwistStamped, Vector3
+from std_msgs.msg import Bool, Header
 
 from fbql_common.core.cdr import Codec, Malformed
+from fbql_common.core.twist import StampedTwist, Twist
 from fbql_common.core.types import FIELD_FRAME, BehaviorOutput, Decision, WheelCommand, World
 
 NS = 1_000_000_000
@@ -27,8 +30,17 @@ MESSAGES = {
     Decision: FusionDecisionMsg,
     WheelCommand: WheelCommandMsg,
     World: WorldStateMsg,
+    Twist: TwistMsg,
+    StampedTwist: TwistStamped,
+    bool: Bool,
 }
-_NESTED = {"std_msgs/Header": Header, "builtin_interfaces/Time": Time}
+"""The message that carries each domain type."""
+_NESTED = {
+    "std_msgs/Header": Header,
+    "builtin_interfaces/Time": Time,
+    "geometry_msgs/Twist": TwistMsg,
+    "geometry_msgs/Vector3": Vector3,
+}
 _UNBOUNDED = {"double": "float64", "boolean": "bool", "octet": "uint8"}
 
 
@@ -57,18 +69,25 @@ _WORLD = Codec(_kinds(WorldStateMsg))
 _OUTPUT = Codec(_kinds(BehaviorOutputMsg))
 _COMMAND = Codec(_kinds(WheelCommandMsg))
 _DECISION = Codec(_kinds(FusionDecisionMsg))
+_TWIST = Codec(_kinds(TwistMsg))
+_STAMPED_TWIST = Codec(_kinds(TwistStamped))
+_FLAG = Codec(_kinds(Bool))
 
 
 def _header(stamp_ns: int) -> tuple[int, int, str]:
     return stamp_ns // NS, stamp_ns % NS, FIELD_FRAME
 
 
-def _read(codec: Codec, data: bytes) -> tuple[int, list[Any]]:
-    """The stamp [ns] and the fields after the header."""
+def _values(codec: Codec, data: bytes) -> list[Any]:
     try:
-        values = codec.decode(data)
+        return codec.decode(data)
     except Malformed as error:
         raise Rejected(f"malformed: {error}") from None
+
+
+def _read(codec: Codec, data: bytes) -> tuple[int, list[Any]]:
+    """The stamp [ns] and the fields after the header."""
+    values = _values(codec, data)
     sec, nanosec, frame = values[0], values[1], values[2]
     if sec < 0 or nanosec >= NS:
         raise Rejected(f"the stamp ({sec} s, {nanosec} ns) is not a valid time")
@@ -142,3 +161,44 @@ def decode_decision(data: bytes) -> Decision:
     """CDR of fbql_msgs/FusionDecision -> Decision. Raises Rejected: malformed or of another frame."""
     stamp_ns, values = _read(_DECISION, data)
     return Decision(stamp_ns, *values)
+
+
+def encode_twist(twist: Twist) -> bytes:
+    """Twist -> CDR of geometry_msgs/Twist. Raises TypeError."""
+    return _TWIST.encode(twist)
+
+
+def decode_twist(data: bytes) -> Twist:
+    """CDR of geometry_msgs/Twist -> Twist. Raises Rejected: malformed, or with a velocity that is not finite."""
+    return _finite(_values(_TWIST, data))
+
+
+def encode_stamped_twist(stamped: StampedTwist) -> bytes:
+    """StampedTwist -> CDR of geometry_msgs/TwistStamped. Raises TypeError."""
+    return _STAMPED_TWIST.encode((stamped.stamp_ns // NS, stamped.stamp_ns % NS, stamped.frame, *stamped.twist))
+
+
+def decode_stamped_twist(data: bytes) -> StampedTwist:
+    """CDR of geometry_msgs/TwistStamped -> StampedTwist.
+
+    Raises:
+        Rejected: malformed, or with a velocity that is not finite. Any stamp and frame will do.
+    """
+    sec, nanosec, frame, *velocities = _values(_STAMPED_TWIST, data)
+    return StampedTwist(sec * NS + nanosec, frame, _finite(velocities))
+
+
+def _finite(velocities: list[float]) -> Twist:
+    if not all(map(isfinite, velocities)):
+        raise Rejected("a velocity is not finite")
+    return Twist(*velocities)
+
+
+def encode_flag(flag: bool) -> bytes:
+    """bool -> CDR of std_msgs/Bool. Raises TypeError."""
+    return _FLAG.encode((flag,))
+
+
+def decode_flag(data: bytes) -> bool:
+    """CDR of std_msgs/Bool -> bool. Raises Rejected: malformed."""
+    return _values(_FLAG, data)[0]

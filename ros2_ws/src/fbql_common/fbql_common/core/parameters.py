@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
@@ -33,6 +33,8 @@ class Limits(NamedTuple):
     choices: Sequence[str] | None
     owners: tuple[str, ...] = ()
     """The parts that use it; empty: all of them."""
+    required: bool = False
+    """Whether it must be given; its default then only tells the type."""
 
 
 def parameter(
@@ -43,9 +45,10 @@ def parameter(
     low: float | None = None,
     high: float | None = None,
     choices: Sequence[str] | None = None,
+    required: bool = False,
 ) -> Any:
     """A dataclass field with its limits. `low` and `high` belong to the range."""
-    limits = Limits(description, unit, low, high, choices)
+    limits = Limits(description, unit, low, high, choices, required=required)
     if isinstance(default, list):
         values: list[Any] = list(default)  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
         return dataclasses.field(default_factory=lambda: list(values), metadata={"limits": limits})
@@ -82,8 +85,15 @@ def defaults_of(declaration: type[Any]) -> dict[str, Any]:
     return {field.name: getattr(instance, field.name) for field in dataclasses.fields(declaration)}
 
 
-def from_mapping[T](declaration: type[T], values: Mapping[str, Any], where: str) -> T:
-    """Makes a declaration's instance from values, each checked.
+def groups_among(names: Iterable[str], prefix: str) -> list[str]:
+    """The groups PREFIX.NAME that parameters PREFIX.NAME.FIELD among `names` belong to, in the order in which
+    `list_parameters` of a C++ node lists its prefixes: parameters are sorted by their bytes there."""
+    found = [name.rpartition(".")[0] for name in sorted(names, key=str.encode) if name.startswith(f"{prefix}.")]
+    return [group for group in dict.fromkeys(found) if group != prefix]
+
+
+def from_mapping[T](declaration: type[T], values: Mapping[str, Any], where: str, prefix: str = "") -> T:
+    """Makes a declaration's instance from values, each checked. Errors name a parameter with its prefix.
 
     Raises:
         BadInput: an unknown name, a wrong type, a value that is not finite or outside of its range.
@@ -93,17 +103,17 @@ def from_mapping[T](declaration: type[T], values: Mapping[str, Any], where: str)
     if unknown:
         raise BadInput(f"{where}: unknown parameter '{unknown[0]}'; known are: {', '.join(known)}")
     instance = declaration(**values)
-    check(instance, where)
+    check(instance, where, prefix)
     return instance
 
 
-def check(instance: Any, where: str) -> None:
+def check(instance: Any, where: str, prefix: str = "") -> None:
     """Raises BadInput naming the first parameter whose value is of a wrong type or out of range."""
     declaration: type[Any] = instance.__class__
     kinds = types_of(declaration)
-    for name, limits in limits_of(declaration).items():
-        value = getattr(instance, name)
-        kind = kinds[name]
+    for field, limits in limits_of(declaration).items():
+        value = getattr(instance, field)
+        name, kind = prefix + field, kinds[field]
         if not _is_of(value, kind):
             raise BadInput(f"{where}: parameter '{name}' must be {_name_of(kind)}, not {value!r}")
         if limits.choices is not None and value not in limits.choices:

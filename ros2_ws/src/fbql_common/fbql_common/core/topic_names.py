@@ -10,6 +10,8 @@ BALL_POSE = "ball/pose"
 WALL_POSE = "wall/pose"
 CLOCK = "/clock"
 DIAGNOSTICS = "/diagnostics"
+MUX_OUTPUT = "cmd_vel_out"
+MUX_DRIVER = "~/driver"
 RESET_EPISODE = "simulator/reset_episode"
 
 
