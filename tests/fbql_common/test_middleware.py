@@ -81,7 +81,7 @@ def test_a_profile_that_is_not_there_is_set_aside_with_a_line(name: str) -> None
 def test_a_middleware_that_is_not_installed_is_set_aside_with_a_line() -> None:
     os.environ["RMW_IMPLEMENTATION"] = "rmw_nothing_cpp"
     (line,) = told()
-    assert "RMW_IMPLEMENTATION='rmw_nothing_cpp' is set aside" in line
+    assert line == "RMW_IMPLEMENTATION='rmw_nothing_cpp' is not installed (here is rmw_fastrtps_cpp): it is set aside"
     assert profile() == "loopback.xml"
 
 
@@ -99,6 +99,29 @@ def test_a_node_started_by_hand_stays_local_only_where_that_is_asked_for() -> No
     os.environ[RANGE] = "localhost"
     assert "ROS_STATIC_PEERS" in " ".join(told(prepare_node))
     assert profile() == "loopback.xml"
+
+
+@pytest.mark.parametrize(
+    "value", ["peer..invalid", "127.0.0.1;peer..invalid", "127.0.0.1:port", "tcp:127.0.0.1", "[::1"]
+)
+@pytest.mark.parametrize("name", ["ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER"])
+def test_a_node_that_would_look_for_a_host_that_can_not_be_found_is_refused(name: str, value: str) -> None:
+    os.environ[RANGE] = "SUBNET"
+    os.environ[name] = value
+    with pytest.raises(BadInput, match=f"^{name}: '.*' can't be found .*; correct it, or unset {name}$"):
+        told(prepare_node)
+
+
+@pytest.mark.parametrize(
+    "value", ["127.0.0.1", "127.0.0.1:11811", ";localhost:11811; ", "UDPv4:[127.0.0.1]:11811", "[::1]:11811"]
+)
+def test_a_discovery_server_that_a_node_uses_is_named(value: str) -> None:
+    os.environ[RANGE] = "SUBNET"
+    os.environ["ROS_DISCOVERY_SERVER"] = value
+    assert told(prepare_node) == [
+        f"ROS_DISCOVERY_SERVER={value!r} is in force: nodes find each other through that server alone"
+    ]
+    assert os.environ["ROS_DISCOVERY_SERVER"] == value
 
 
 def test_without_shared_memory_the_profile_is_udp_alone(monkeypatch: pytest.MonkeyPatch) -> None:

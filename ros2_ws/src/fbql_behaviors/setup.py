@@ -28,10 +28,10 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "ball_seeking = fbql_behaviors.behavior_node:ball_seeking",
-            "wall_avoiding = fbql_behaviors.behavior_node:wall_avoiding",
-            "approaching = fbql_behaviors.behavior_node:approaching",
-            "behavior = fbql_behaviors.behavior_node:behavior",
+            "ball_seeking = fbql_behaviors.programs:ball_seeking",
+            "wall_avoiding = fbql_behaviors.programs:wall_avoiding",
+            "approaching = fbql_behaviors.programs:approaching",
+            "behavior = fbql_behaviors.programs:behavior",
         ]
     },
 )

@@ -25,5 +25,5 @@ setup(
     install_requires=["setuptools", "numpy"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
-    entry_points={"console_scripts": ["fusion = fbql_fusion.fusion_node:main"]},
+    entry_points={"console_scripts": ["fusion = fbql_fusion.programs:fusion"]},
 )

@@ -24,5 +24,5 @@ setup(
     install_requires=["setuptools", "numpy", "pymunk"],
     extras_require={"gymnasium": ["gymnasium>=1.0"], "test": ["pytest"]},
     zip_safe=False,
-    entry_points={"console_scripts": ["simulator = fbql_sim.simulator_node:main"]},
+    entry_points={"console_scripts": ["simulator = fbql_sim.programs:simulator"]},
 )

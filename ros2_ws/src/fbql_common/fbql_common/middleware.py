@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
+import socket
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -30,6 +32,8 @@ ELSEWHERE = {
 """Variables that are set aside where a graph stays on this machine, and why."""
 _RMW, _FAST_DDS = "RMW_IMPLEMENTATION", "rmw_fastrtps_cpp"
 _SKIP_OTHER_PROFILES = "SKIP_DEFAULT_XML_FILE"
+_LOCATOR = re.compile(r"(?:(?:TCP|UDP)v[46]:)?(?:\[(?P<six>[^]]+)\]|(?P<host>[^\[\]:]*))(?::\d+)?")
+"""A host and perhaps a port, as ROS_STATIC_PEERS and ROS_DISCOVERY_SERVER name it."""
 _SHARED_MEMORY = Path("/dev/shm")
 _ROOM_BYTES = 8 << 20
 """What a graph of five processes and a tool take, twice over."""
@@ -70,7 +74,7 @@ def prepare_middleware(say: Callable[[str], None]) -> None:
 
 def prepare_node(say: Callable[[str], None]) -> None:
     """`prepare_middleware` for a node that somebody starts by itself, whose range of discovery is up to them: where that is
-    this machine. Raises BadInput if DDS-Security is requested."""
+    this machine. Raises BadInput if DDS-Security is requested, or a host that discovery needs can't be found."""
     refuse_security()
     local = os.environ.get(RANGE, "").upper() == "LOCALHOST" or os.environ.get("ROS_LOCALHOST_ONLY", "") not in (
         "",
@@ -78,8 +82,10 @@ def prepare_node(say: Callable[[str], None]) -> None:
     )
     if local:
         prepare_middleware(say)
-    else:
-        set_aside_absent_middleware(say)
+        return
+    _refuse_unknown_hosts()
+    if server := os.environ.get("ROS_DISCOVERY_SERVER"):
+        say(f"ROS_DISCOVERY_SERVER={server!r} is in force: nodes find each other through that server alone")
 
 
 def refuse_security() -> None:
@@ -150,11 +156,33 @@ def _has_own_profile(say: Callable[[str], None]) -> bool:
 
 def set_aside_absent_middleware(say: Callable[[str], None]) -> None:
     """Sets RMW_IMPLEMENTATION aside where it names none that is installed: importing rclpy would end the process."""
+    if problem := absent_middleware():
+        del os.environ[_RMW]
+        say(f"{problem}: it is set aside")
+
+
+def absent_middleware() -> str:
+    """What is wrong with RMW_IMPLEMENTATION, in one line; empty where it names one that is installed, or none."""
     name = os.environ.get(_RMW, "")
     try:
         known = sorted(each for each in get_resources("rmw_typesupport") if each != "rmw_implementation")
     except OSError:  # no ROS is sourced: what imports rclpy next says so
-        return
-    if name and known and name not in known:
-        del os.environ[_RMW]
-        say(f"{_RMW}={name!r} is set aside: it is not installed; here is {', '.join(known)}")
+        return ""
+    if not name or not known or name in known:
+        return ""
+    return f"{_RMW}={name!r} is not installed (here is {', '.join(known)})"
+
+
+def _refuse_unknown_hosts() -> None:
+    """Raises BadInput where a variable names hosts for discovery that can't be found."""
+    for name in ("ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER"):
+        for entry in os.environ.get(name, "").split(";"):
+            located = _LOCATOR.fullmatch(entry.strip())
+            try:
+                if located is None:
+                    raise UnicodeError("not HOST or HOST:PORT")
+                if located["host"]:
+                    socket.getaddrinfo(located["host"], None)
+            except (OSError, UnicodeError) as error:
+                reason = error.strerror if isinstance(error, OSError) else error
+                raise BadInput(f"{name}: {entry!r} can't be found ({reason}); correct it, or unset {name}") from None

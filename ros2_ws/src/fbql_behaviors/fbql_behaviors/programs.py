@@ -1,0 +1,25 @@
+"""The executables of this package. They import no ROS before `start` has looked at the environment."""
+
+from fbql_common.start import start
+
+_NODE = "fbql_behaviors.behavior_node"
+
+
+def ball_seeking() -> int:
+    """Runs the ball-seeking behavior."""
+    return start(_NODE, "ball_seeking")
+
+
+def wall_avoiding() -> int:
+    """Runs the wall-avoiding behavior."""
+    return start(_NODE, "wall_avoiding")
+
+
+def approaching() -> int:
+    """Runs the approaching behavior."""
+    return start(_NODE, "approaching")
+
+
+def behavior() -> int:
+    """Runs any tree: `--ros-args -p tree_file:=FILE`."""
+    return start(_NODE, "behavior")
