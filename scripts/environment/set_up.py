@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import itertools
 import os
 import re
 import shutil
@@ -24,6 +25,8 @@ from .variables import BOOTSTRAPPED, build_environment, tool_environment
 # The one requirement that exists as source only. It is built with the locked setuptools, not with a downloaded one.
 SOURCE_ONLY = "empy"
 BUILD_TOOL = "setuptools"
+# The set-up removes a directory only if one of these is in it.
+MARKS = (ENVIRONMENT_STAMP, UNFINISHED, BUILD_STAMP)
 # What the installers say when all is downloaded and they begin to change the environment.
 PIP_BEGINS = "Installing collected packages"
 UV_BEGINS = "Prepared"
@@ -103,11 +106,12 @@ class SetUp:
                 raise error from failure
             step.done()
         for leftover in self.target.leftovers(self.packages):
-            self.remove_build(leftover.name)
+            for place in self.places(leftover.name):
+                remove(place)
 
     def make_venv(self, interpreter: Interpreter, step: Step) -> None:
         """Recreate the virtual environment."""
-        remove(self.target.venv)
+        self.clear(self.target.venv)
         self.target.venv.mkdir()
         (self.target.venv / UNFINISHED).touch()
         options = [] if interpreter.has_ensurepip and self.which("uv") is None else ["--without-pip"]
@@ -198,12 +202,16 @@ class SetUp:
         stale = self.target.stale(self.packages)
         layout = self.target.install / ".colcon_install_layout"
         if layout.exists() and layout.read_text().strip() != "isolated":
-            say(f"{self.target.install} has another layout than ours ({layout.read_text().strip()}): it is made afresh")
-            remove(self.target.install)
-            remove(self.target.build)
+            self.set_aside(self.target.install)
             stale = [package.name for package in self.packages]
         for name in stale:
-            self.remove_build(name)
+            build, install = self.places(name)
+            if build.is_dir() and (install / BUILD_STAMP).exists():
+                (build / BUILD_STAMP).touch()  # earlier versions stamped the install space alone
+            for place in (build, install):
+                self.clear(place)
+                place.mkdir(parents=True)
+                (place / BUILD_STAMP).touch()
         colcon = self.which("colcon") if self.target.underlay else str(self.target.venv / "bin" / "colcon")
         command = [str(colcon), "--log-base", str(self.target.log), "build", "--base-paths", "src", "--symlink-install"]
         command += ["--build-base", str(self.target.build), "--install-base", str(self.target.install)]
@@ -217,10 +225,25 @@ class SetUp:
             for name in set(stale).intersection(finished):
                 write_stamp(self.target.install / name / BUILD_STAMP, self.target.stamp(name, wanted[name]))
 
-    def remove_build(self, name: str) -> None:
-        """Remove what was built of a package."""
-        remove(self.target.install / name)
-        remove(self.target.build / name)
+    def places(self, name: str) -> tuple[Path, Path]:
+        """Where a package is built and installed; its stamp is in the second one."""
+        return self.target.build / name, self.target.install / name
+
+    def clear(self, path: Path) -> None:
+        """Make room at `path`. What the set-up did not make itself is moved away and kept."""
+        if is_ours(path):
+            remove(path)
+        elif path.exists() or path.is_symlink():
+            self.set_aside(path)
+
+    def set_aside(self, path: Path) -> None:
+        """Move away something that is in the way."""
+        kept = self.target.state / "set-aside"
+        kept.mkdir(exist_ok=True)
+        number = next(number for number in itertools.count(1) if not (kept / f"{path.name}-{number}").exists())
+        place = kept / f"{path.name}-{number}"
+        shutil.move(path, place)
+        say(f"{path} was not made by this set-up: it is now {place}")
 
     def which(self, *names: str) -> str | None:
         """The first of these programs that is on PATH."""
@@ -230,29 +253,47 @@ class SetUp:
     def run(self, log: str, command: list[str], step: Step, environ: dict[str, str] | None = None) -> None:
         """Run a program of this set-up; pip and uv need none of the wheels' libraries."""
         environ = environ or {**tool_environment(self.environ), BOOTSTRAPPED: "1", "UV_PYTHON_DOWNLOADS": "never"}
-        if not writable_home(environ):
-            home = self.target.state / "home"
-            home.mkdir(exist_ok=True)
-            environ = {**environ, "HOME": str(home), "XDG_CACHE_HOME": str(home / ".cache")}
+        if not writable_cache(environ):
+            cache = self.target.state / "cache"
+            cache.mkdir(exist_ok=True)
+            environ = {**environ, "XDG_CACHE_HOME": str(cache)}
         place = self.target.workspace
         child.run(command, environ=environ, log=self.logs / f"{log}.txt", lock=self.lock, step=step, cwd=place)
 
 
-def writable_home(environ: Mapping[str, str]) -> bool:
-    """Whether the user's home, and the cache in it if there is one, can be written: installers and CMake keep files there."""
-    home = Path(environ.get("HOME") or "/nonexistent")
+def writable_cache(environ: Mapping[str, str]) -> bool:
+    """Whether the installers can keep what they download where the user's variables say."""
+    home = Path(environ.get("HOME") or os.devnull)
     cache = Path(environ.get("XDG_CACHE_HOME") or home / ".cache")
-    return all(os.access(place, os.W_OK) for place in (home, cache) if place == home or place.exists())
+    place = cache if cache.exists() or cache.is_symlink() else cache.parent
+    return place.is_dir() and os.access(place, os.W_OK | os.X_OK)
+
+
+def is_ours(path: Path) -> bool:
+    """Whether the set-up made the directory `path`: then one of its stamps is in it. An empty one is nobody's loss."""
+    if path.is_symlink() or not path.is_dir():
+        return False
+    return any((path / mark).exists() for mark in MARKS) or not any(path.iterdir())
 
 
 def remove(path: Path) -> None:
-    """Remove a directory and all in it. The stamps go first: a removal cut short must not look like finished work."""
-    for stamp in (ENVIRONMENT_STAMP, BUILD_STAMP):
-        (path / stamp).unlink(missing_ok=True)
-    if path.is_symlink():
-        path.unlink()
-    elif path.exists():
-        shutil.rmtree(path)
+    """Remove a directory that the set-up made. Its stamps are emptied first and go last: a removal that is cut short
+    leaves neither what looks like finished work nor what looks like somebody else's."""
+    if not is_ours(path):
+        return
+    marks = [path / mark for mark in MARKS if (path / mark).exists()]
+    for mark in marks:
+        os.truncate(mark, 0)
+    for entry in path.iterdir():
+        if entry in marks:
+            continue
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry)
+        else:
+            entry.unlink()
+    for mark in marks:
+        mark.unlink()
+    path.rmdir()
 
 
 @contextlib.contextmanager

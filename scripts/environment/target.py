@@ -107,10 +107,10 @@ class Target:
         return {"fingerprint": fingerprint, "built_ns": written.stat().st_mtime_ns if written.exists() else 0}
 
     def leftovers(self, packages: list[Package]) -> list[Path]:
-        """Built packages whose source is gone."""
+        """Packages that the set-up built and whose source is gone."""
         names = {package.name for package in packages}
         made = os.scandir(self.install) if self.install.is_dir() else ()
-        return [Path(entry) for entry in made if entry.is_dir() and entry.name not in names]
+        return [Path(entry) for entry in made if entry.name not in names and Path(entry, BUILD_STAMP).exists()]
 
     def fingerprints(self, packages: list[Package]) -> dict[str, str]:
         """What each package would be built from, as a hash: its own files, the environment, the locks.

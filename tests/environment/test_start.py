@@ -158,6 +158,43 @@ def test_a_package_that_does_not_build_is_shown_with_its_error_and_the_log(check
     assert start(checkout, *SPEAK, "mended").stdout == "speaks mended\n"
 
 
+def broken_modules(place: Path) -> Path:
+    """A directory with modules under the names of locked packages, which end a program that imports one."""
+    place.mkdir(parents=True)
+    for name in ("colcon_core", "setuptools", "yaml", "pip", "venv"):
+        (place / f"{name}.py").write_text(f"raise SystemExit('this is not the locked {name}')\n")
+    return place
+
+
+@pytest.fixture
+def foreign_settings(tmp_path: Path) -> dict[str, str]:
+    """The variables of somebody with other Pythons, and with habits in colcon that would break our build."""
+    modules = [broken_modules(tmp_path / place) for place in ("lib/python3.9/site-packages", "mine")]
+    settings = tmp_path / ".colcon/defaults.yaml"
+    settings.parent.mkdir()
+    settings.write_text("build:\n  merge-install: true\n  base-paths: [/nowhere]\n")
+    return {
+        "PYTHONPATH": os.pathsep.join(map(str, modules)),
+        "COLCON_DEFAULTS_FILE": str(settings),
+        "COLCON_HOME": str(settings.parent),
+        "COLCON_LOG_PATH": "/nowhere",
+    }
+
+
+def test_modules_and_colcon_settings_of_the_users_own_change_neither_the_build_nor_what_is_imported(
+    checkout: Path, foreign_settings: dict[str, str]
+) -> None:
+    (checkout / "ros2_ws/src/speaker/setup.cfg").open("a").write("\n")
+    said = start(checkout, *SPEAK, "on", **foreign_settings)
+    assert said.stdout == "speaks on\n", said.stderr
+    assert "building speaker" in said.stderr
+    assert (checkout / "ros2_ws/install/.colcon_install_layout").read_text().strip() == "isolated"
+    script = f"source {checkout}/scripts/env.sh; python -c 'import yaml, setuptools; print(yaml.__file__)'"
+    said = in_shell("bash", script, **foreign_settings)
+    assert said.stdout == f"{checkout}/.venv/lib/python3.12/site-packages/yaml/__init__.py\n", said.stderr
+    assert start(checkout, *SPEAK).stderr == ""
+
+
 def test_test_py_adds_the_test_tools_once_and_hands_its_arguments_to_pytest(checkout: Path) -> None:
     (checkout / "tests").mkdir()
     (checkout / "tests/test_speaker.py").write_text(
