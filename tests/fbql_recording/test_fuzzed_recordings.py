@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ import pytest
 import yaml
 from damaged_recordings import mcap_of, records_of
 from fbql_common.core.errors import BadInput
-from fbql_recording import Run, open_run
+from fbql_recording import Message, Run, open_run, recover
 from foreign_recording import ForeignTopic, with_foreign_topics
 from fuzzing import dice, odd_bytes, odd_copy, odd_value, read_or_refused
 from mcap.writer import MCAP0_MAGIC
+from mcap_contents import Contents, bytes_of, contents_of, messages_of, odd_contents
 from recorded_match import record_match
 
 
@@ -109,3 +111,54 @@ def test_odd_topics_beside_ours_change_nothing_of_ours(recorded, place):
             assert list(open_run(path).steps()) == steps
         except BadInput as error:
             assert "is not a text" in str(error) or "behaviors" in str(error)
+
+
+def recorded_in(contents: Contents) -> list[tuple[int, int, bytes]]:
+    """Every message but for its sequence, which recovery may count anew."""
+    return [(each.log_time, each.publish_time, each.data) for each in messages_of(contents)]
+
+
+def told_in(messages: Iterable[Message]) -> list[tuple[int, int, bytes]]:
+    return [(each.log_time_ns, each.publish_time_ns, each.data) for each in messages]
+
+
+@pytest.fixture(scope="module")
+def contents(recorded: Path) -> Contents:
+    return contents_of(mcap_of(recorded).read_bytes())
+
+
+def test_a_file_put_together_again_is_as_it_was(recorded, contents, place):
+    path = place / "x.mcap"
+    path.write_bytes(bytes_of(contents))
+    run, messages = everything(path, skip_corrupt=False)
+    assert messages == list(open_run(recorded).messages())
+    assert (run.is_complete, run.warnings) == (True, [])
+
+
+def test_whatever_a_sound_file_says_is_told_whole_or_said_to_be_left_out(contents, place):
+    path = place / "x.mcap"
+    for number, rng in enumerate(dice(100)):
+        names, odd, data = odd_contents(contents, rng)
+        path.write_bytes(data)
+        skip_corrupt = rng.random() < 0.5
+        found = read_or_refused(lambda skip=skip_corrupt: everything(path, skip))
+        if found is not None:
+            run, messages = found
+            if run.is_complete and not run.warnings:
+                assert told_in(messages) == recorded_in(odd), (number, names)
+
+
+def test_whatever_a_sound_file_says_is_recovered_whole_or_said_to_be_lost(contents, place, monkeypatch):
+    monkeypatch.setattr(os, "fsync", lambda _: None)
+    path = place / "x.mcap"
+    for number, rng in enumerate(dice(60)):
+        names, odd, data = odd_contents(contents, rng)
+        path.write_bytes(data)
+        found = read_or_refused(lambda: recover(path, place / "out"))
+        if found is not None:
+            told = Counter(recorded_in(contents_of(mcap_of(found.path).read_bytes())))
+            there = Counter(recorded_in(odd))
+            assert not told - there, (number, names)
+            assert not found.is_complete or told == there, (number, names)
+            assert found.messages == told.total(), (number, names)
+        shutil.rmtree(place / "out", ignore_errors=True)

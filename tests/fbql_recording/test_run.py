@@ -21,7 +21,9 @@ from fbql_recording.core.decoding import MessageCodec
 from fbql_recording.core.ros2msg import fields_of
 from fbql_recording.mcap.reader import MAX_RECORD_BYTES
 from mcap.opcode import Opcode
+from mcap.records import AttachmentIndex, MetadataIndex
 from mcap.writer import CompressionType, Writer
+from mcap_contents import bytes_of, contents_of
 from recorded_match import record_match
 from rosbags.highlevel import AnyReader
 
@@ -419,6 +421,44 @@ def test_a_small_chunk_that_unpacks_to_much_is_never_unpacked_whole(run):
     path.write_bytes(data[: places_of(path, Opcode.CHUNK)[0][0]] + chunk_with(b"zstd", 1000, zstd_bomb(100 << 20)))
     with pytest.raises(Corrupt, match="unpacks to 1001 bytes instead of 1000"):
         open_run(path)
+
+
+@pytest.mark.parametrize("kind", [AttachmentIndex, MetadataIndex])
+@pytest.mark.parametrize("offset", [2**64 - 1, 2**63, 2**40])
+def test_an_index_that_points_beyond_the_file_is_damage(short, tmp_path, kind, offset):
+    contents = contents_of(short)
+    contents.indexes[kind] = {"offset": offset}
+    path = tmp_path / "x.mcap"
+    path.write_bytes(bytes_of(contents))
+    with pytest.raises(Corrupt, match=f"at byte {offset}: a record that the summary points at is not there"):
+        open_run(path)
+    run = open_run(path, skip_corrupt=True)
+    assert read_all(run) == 14
+    assert not run.is_complete
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("episodes.csv", b"index,seed\n0," + b"1" * 200_000),
+        ("episodes.csv", b"index,seed\n0," + b"1" * 5_000),
+        ("summary.json", b"[" * 100_000),
+        ("summary.json", b'{"episodes": ' + b"1" * 5_000 + b"}"),
+        ("summary.json", b'{"episodes": NaN}'),
+    ],
+    ids=["long field", "long number", "nested", "long number in JSON", "not a number"],
+)
+def test_files_beside_the_recording_that_cannot_be_read_are_one_line(short, tmp_path, name, text):
+    """The recording's own copies come first: here it has none."""
+    contents = contents_of(short)
+    contents.data = [part for part in contents.data if getattr(part, "name", "") != name]
+    (tmp_path / "x.mcap").write_bytes(bytes_of(contents))
+    (tmp_path / name).write_bytes(text)
+    run = open_run(tmp_path)
+    with pytest.raises(
+        BadInput, match=rf"/{name}: [^\n]*$" if name == "summary.json" else f": {name} has no such rows"
+    ):
+        assert run.episodes() and run.summary
 
 
 # Directories

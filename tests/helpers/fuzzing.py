@@ -5,11 +5,15 @@ The suite tries a few; FBQL_FUZZ_INPUTS=5000 makes each fuzzing test try that ma
 
 from __future__ import annotations
 
+import json
 import os
 import random
+import signal
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from copy import deepcopy
 from time import monotonic
+from types import FrameType
 from typing import Any
 
 from fbql_common.core.errors import BadInput
@@ -51,6 +55,16 @@ def odd_value(rng: random.Random) -> Any:
             {"nanoseconds": -1}, _nested(rng.choice((5, 50, 100))),
         )
     )  # fmt: skip
+
+
+def odd_number(rng: random.Random) -> int:
+    """A whole number at the edge of a width, or below zero."""
+    return rng.choice(_NUMBERS) * rng.choice((1, 1, -1))
+
+
+def odd_word(rng: random.Random) -> str:
+    """A text that is a name of nothing."""
+    return rng.choice(_WORDS)
 
 
 def _nested(depth: int) -> Any:
@@ -133,3 +147,34 @@ def read_or_refused[T](read: Callable[[], T]) -> T | None:
         return None
     finally:
         assert monotonic() - begun_s < LONGEST_S
+
+
+class TooLong(BaseException):
+    """Something took longer than LONGEST_S; a TimeoutError would be taken for a file that can't be read."""
+
+
+@contextmanager
+def bounded() -> Iterator[None]:
+    """Raises TooLong where something inside of it takes longer than LONGEST_S."""
+
+    def late(_number: int, _frame: FrameType | None) -> None:
+        raise TooLong(f"took longer than {LONGEST_S} s")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def finite_json(text: str) -> dict[str, Any]:
+    """The one object in a JSON text, which has nothing in it that is not JSON."""
+
+    def refuse(name: str) -> Any:
+        raise AssertionError(f"{name} is not JSON")
+
+    found = json.loads(text, parse_constant=refuse)
+    assert isinstance(found, dict)
+    return found

@@ -6,12 +6,14 @@ import random
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from damaged_recordings import HEAD_BYTES, Record, mcap_of, records_of
 from fbql_recording import Message, Recovery, open_run
 from mcap.opcode import Opcode
+from mcap_contents import Chunk, Contents, bytes_of, contents_of
 from recorded_match import record_match
 
 EXTREMES = (0, 1, 2**16, 2**31, 2**32 - 1, 2**63, 2**64 - 1)
@@ -41,7 +43,31 @@ def record_originals(place: Path) -> dict[str, Original]:
         data = mcap_of(run).read_bytes()
         chunks = sum(record.opcode == Opcode.CHUNK for record in records_of(data))
         found[name] = Original(data, list(open_run(run).messages()), chunks, mcap_of(other).read_bytes())
+    finished = found["finished"]
+    for name, options in STORED.items():
+        data, other = (bytes_of(_stored(contents_of(each), **options)) for each in (finished.data, finished.other))
+        found[name] = finished._replace(data=data, other=other)
     return found
+
+
+STORED: dict[str, dict[str, Any]] = {
+    "no summary": {"has_summary": False},
+    "no statistics": {"has_statistics": False},
+    "no message indexes": {"has_indexes": False},
+    "no counts": {"has_statistics": False, "has_indexes": False},
+    "no chunk indexes": {"has_chunk_indexes": False},
+    "descriptions alone": {"has_chunk_indexes": False, "has_statistics": False},
+    "not compressed": {"codec": ""},
+    "lz4": {"codec": "lz4"},
+}
+"""How other writers store the same: what they may leave out, and compressions."""
+
+
+def _stored(contents: Contents, codec: str | None = None, **options: bool) -> Contents:
+    for part in contents.data:
+        if isinstance(part, Chunk) and codec is not None:
+            part.codec = codec
+    return replace(contents, **options)
 
 
 # How a file is damaged: each function gives the changed bytes

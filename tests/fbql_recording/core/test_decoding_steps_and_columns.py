@@ -70,6 +70,12 @@ bool x
     ]
 
 
+def doubling(times: int, text: str = "") -> str:
+    """A message that holds another so often, which holds another so often, and the last one nothing."""
+    parts = [f"A{depth}[{times}] x\n{LINE}\nMSG: pkg/A{depth}\n" for depth in range(6)]
+    return "".join(parts) + text
+
+
 @pytest.mark.parametrize(
     ("schema", "says"),
     [
@@ -78,7 +84,11 @@ bool x
         ("A[] x", "type A\\[\\], which is not supported"),
         ("float64[5000] x", "5000 values; at most 4096"),
         ("float64[4096] x\nfloat64 y", "more than 4096 fields"),
+        (f"float64[{'9' * 5000}] x", "9{20} values; at most 4096"),
+        (doubling(4096), "has more than 4194304 characters"),
+        (doubling(4096, f"# {'x' * 10**6}"), "has more than 4194304 characters"),
     ],
+    ids=range(8),
 )
 def test_a_schema_that_cannot_be_read_is_one_line(schema, says):
     with pytest.raises(BadInput, match=says):

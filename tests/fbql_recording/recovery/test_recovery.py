@@ -10,9 +10,12 @@ import pytest
 import yaml
 from damaged_recordings import attachment, mcap_of, places_of, spoil
 from fbql_recording import Recovery, open_run, recover
+from fuzzing import bounded
 from javascript_reader import read_with_javascript
 from mcap.opcode import Opcode
+from mcap.records import AttachmentIndex, Metadata
 from mcap.writer import CompressionType, Writer
+from mcap_contents import bytes_of, contents_of
 from recorded_match import digest_of, record_match
 from rosbags.highlevel import AnyReader
 from run_directory_reader import finalised
@@ -264,3 +267,20 @@ def test_a_recording_inside_of_an_attachment_is_not_taken_for_a_part_of_the_file
         found = recovered(killed)
         assert set(open_run(found.path).counts.values()) == {found.steps}
         assert sorted(open_run(found.path).topics) == topics
+
+
+def test_an_index_that_points_beyond_the_file_does_not_keep_the_search_going(run):
+    """Behind the damaged record the next one is searched for up to the place that the summary tells."""
+    path = mcap_of(run)
+    contents = contents_of(path.read_bytes())
+    contents.data.append(
+        contents.data.pop(next(i for i, part in enumerate(contents.data) if isinstance(part, Metadata)))
+    )
+    contents.indexes[AttachmentIndex] = {"offset": 2**63}
+    path.write_bytes(bytes_of(contents))
+    begin, _ = places_of(path, Opcode.METADATA)[-1]
+    path.write_bytes(path.read_bytes()[:begin] + b"\x0c" + b"\xff" * 8 + path.read_bytes()[begin + 9 :])
+    with bounded():
+        found = recover(run, None)
+    assert found.messages == len(list(open_run(found.path).messages()))
+    assert found.messages_lost == {}

@@ -12,13 +12,12 @@ Node 0 is the root. `sha256` covers everything but format, version and itself, i
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from math import isfinite
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from fbql_common.core.errors import BadInput
+from fbql_common.core.plain_json import json_from
 from fbql_common.files import read_file, write_atomically
 
 from fbql_behaviors.core.behavior import check_features
@@ -99,18 +98,7 @@ def json_from_bytes(data: bytes) -> Any:
         raise BadInput("the file is empty")
     if len(data) > MAX_BYTES:
         raise BadInput(f"more than {MAX_BYTES} bytes, the limit for a tree")
-    try:
-        return json.loads(data, parse_constant=_not_a_number, parse_float=_finite)
-    except BadInput:
-        raise
-    except UnicodeDecodeError:
-        raise BadInput("not JSON: it is not text") from None
-    except json.JSONDecodeError as error:
-        raise BadInput(f"not JSON, or truncated: {error.msg} in line {error.lineno}") from None
-    except ValueError:  # Python reads no integer of more than 4300 digits
-        raise BadInput("a number has too many digits") from None
-    except RecursionError:
-        raise BadInput("nested too deeply") from None
+    return json_from(data)
 
 
 def _feature(item: Any) -> Feature:
@@ -173,14 +161,3 @@ def _number(content: Any, key: str) -> float:
         return float(value)
     except OverflowError:
         raise BadInput(f"'{key}' is too large") from None
-
-
-def _not_a_number(text: str) -> NoReturn:
-    raise BadInput(f"{text} is not a number; every number must be finite")
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not isfinite(value):
-        raise BadInput(f"{text} is too large; every number must be finite")
-    return value

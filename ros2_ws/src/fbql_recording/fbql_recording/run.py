@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
+from fbql_common.core.plain_json import json_from
 from fbql_common.core.recording_names import (
     COMPLETE,
     CONFIG,
@@ -117,9 +117,9 @@ class Run:
         if data is None:
             return None
         try:
-            found = json.loads(data)
-        except ValueError as error:
-            raise BadInput(f"{self.directory}/summary.json: not JSON ({error})") from None
+            found = json_from(data)
+        except BadInput as error:
+            raise BadInput(f"{self.directory}/summary.json: {error}") from None
         if not isinstance(found, dict):
             raise BadInput(f"{self.directory}/summary.json: not a JSON object")
         return found
@@ -326,7 +326,7 @@ class Run:
         try:
             rows = csv.DictReader(io.StringIO((data or b"").decode()))
             return {int(row["index"]): int(row["seed"]) for row in rows}
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, csv.Error) as error:
             raise BadInput(f"{self.path}: episodes.csv has no such rows ({error!r})") from None
 
 

@@ -7,7 +7,6 @@ has the names of its tree's features. pandas and pyarrow are optional, and neede
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields
@@ -18,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from fbql_common.core.errors import BadInput
+from fbql_common.core.plain_json import json_from
 from fbql_common.core.recording_names import TREES
 
 from fbql_recording.core.columns import Columns, blocks_of, flat
@@ -101,7 +101,7 @@ def _features(run: Run) -> dict[str, str]:
     for name in run.behaviors:
         data = run.attachments.get(f"{TREES}{name}.json")
         try:
-            features = [] if data is None else [str(feature["name"]) for feature in json.loads(data)["features"]]
+            features = [] if data is None else [str(feature["name"]) for feature in json_from(data)["features"]]
         except (ValueError, KeyError, TypeError):
             features = []  # no tree file: the columns keep their numbers
         names |= {f"observation.{name}.{index}": f"observation.{name}.{each}" for index, each in enumerate(features)}

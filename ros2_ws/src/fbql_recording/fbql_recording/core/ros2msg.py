@@ -22,6 +22,11 @@ _PRIMITIVES = {
 }
 _MAX_DEPTH = 8
 _MAX_FIELDS = 4096
+_MAX_CHARACTERS = 2**22
+"""Most text that is read, that of a contained message each time that it is contained: one without fields of its own could
+multiply without end."""
+_VISIT_CHARACTERS = 80
+"""What a contained message counts beside its text."""
 
 
 class MessageField(NamedTuple):
@@ -49,38 +54,51 @@ def fields_of(type_name: str, schema: str) -> list[MessageField]:
         head, _, text = part.strip("\n").partition("\n")
         texts[_two_part(head.removeprefix("MSG:").strip())] = text
     fields: list[MessageField] = []
-    for field in _fields(_two_part(type_name), texts, "", 0):
+    for field in _Reader(texts).fields(_two_part(type_name)):
         fields.append(field)
         if len(fields) > _MAX_FIELDS:
             raise BadInput(f"the schema of {type_name} has more than {_MAX_FIELDS} fields")
     return fields
 
 
-def _fields(name: str, texts: dict[str, str], prefix: str, depth: int) -> Iterator[MessageField]:
-    if name not in texts:
-        raise BadInput(f"the schema has no definition of {name}")
-    if depth > _MAX_DEPTH:
-        raise BadInput(f"the schema nests {name} more than {_MAX_DEPTH} deep")
-    for line in texts[name].splitlines():
-        match = _FIELD.match(line.split("#", 1)[0].strip())
-        if match is None:
-            continue  # empty, or a constant
-        base, _, array, bounded, count, field = match.groups()
-        places = [f"{prefix}{field}"]
-        is_sequence = array is not None and (bool(bounded) or not count)
-        if array is not None and not is_sequence:
-            if int(count) > _MAX_FIELDS:
-                raise BadInput(f"field {prefix}{field} has {count} values; at most {_MAX_FIELDS} are read")
-            places = [f"{prefix}{field}[{index}]" for index in range(int(count))]
-        kind = _PRIMITIVES.get(base)
-        if kind is None and (is_sequence or base == "wstring"):
-            raise BadInput(f"field {prefix}{field} is of type {base}{array or ''}, which is not supported")
-        for place in places:
-            if kind is None:
-                inner = base if "/" in base else f"{name.split('/')[0]}/{base}"
-                yield from _fields(_two_part(inner), texts, f"{place}.", depth + 1)
-            else:
-                yield MessageField(place, f"sequence<{kind}>" if is_sequence else kind)
+class _Reader:
+    """Reads the definitions of a message and those in it, by name, within the limits."""
+
+    def __init__(self, texts: dict[str, str]) -> None:
+        self._texts = texts
+        self._read = 0
+        """Characters so far."""
+
+    def fields(self, name: str, prefix: str = "", depth: int = 0) -> Iterator[MessageField]:
+        """The fields of a message, those of contained messages in their place. Raises BadInput."""
+        if name not in self._texts:
+            raise BadInput(f"the schema has no definition of {name}")
+        if depth > _MAX_DEPTH:
+            raise BadInput(f"the schema nests {name} more than {_MAX_DEPTH} deep")
+        text = self._texts[name]
+        self._read += len(text) + _VISIT_CHARACTERS
+        if self._read > _MAX_CHARACTERS:
+            raise BadInput(f"the schema, with messages in messages, has more than {_MAX_CHARACTERS} characters")
+        for line in text.splitlines():
+            match = _FIELD.match(line.split("#", 1)[0].strip())
+            if match is None:
+                continue  # empty, or a constant
+            base, _, array, bounded, count, field = match.groups()
+            places = [f"{prefix}{field}"]
+            is_sequence = array is not None and (bool(bounded) or not count)
+            if array is not None and not is_sequence:
+                if len(count) > len(str(_MAX_FIELDS)) or int(count) > _MAX_FIELDS:
+                    raise BadInput(f"field {prefix}{field} has {count:.20} values; at most {_MAX_FIELDS} are read")
+                places = [f"{prefix}{field}[{index}]" for index in range(int(count))]
+            kind = _PRIMITIVES.get(base)
+            if kind is None and (is_sequence or base == "wstring"):
+                raise BadInput(f"field {prefix}{field} is of type {base}{array or ''}, which is not supported")
+            for place in places:
+                if kind is None:
+                    inner = base if "/" in base else f"{name.split('/')[0]}/{base}"
+                    yield from self.fields(_two_part(inner), f"{place}.", depth + 1)
+                else:
+                    yield MessageField(place, f"sequence<{kind}>" if is_sequence else kind)
 
 
 def _two_part(name: str) -> str:

@@ -115,6 +115,12 @@ class McapSummary:
     attachments: dict[int, AttachmentIndex] = field(default_factory=dict[int, AttachmentIndex])
     metadata: dict[int, MetadataIndex] = field(default_factory=dict[int, MetadataIndex])
 
+    @property
+    def lists_messages(self) -> bool:
+        """Whether it tells how many messages there were. A writer may leave out any part of a summary, or all of it."""
+        has_counts = bool(self.chunks) and all(index.message_index_offsets for index in self.chunks.values())
+        return self.statistics is not None or has_counts
+
 
 def read_summary(file: BinaryIO, size: int) -> McapSummary | None:
     """The summary of a file of `size` bytes; None if it has none.

@@ -230,7 +230,7 @@ class McapFile:
         """Reads an attachment or Metadata record that the summary points at."""
         if length > MAX_RECORD_BYTES:
             raise self._too_large(offset, length)
-        file.seek(offset)
+        file.seek(min(offset, self.size))
         data = file.read(length)
         if len(data) < max(length, HEAD.size) or HEAD.unpack_from(data)[1] != length - HEAD.size:
             self._complain(offset, "a record that the summary points at is not there")

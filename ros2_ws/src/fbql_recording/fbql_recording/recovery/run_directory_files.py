@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from fbql_common.core.plain_json import json_from
 from fbql_common.core.recording_names import CONFIG, EPISODES, POLICY, TREES
 from fbql_common.core.types import Phase
 from fbql_common.files import write_atomically
@@ -135,7 +136,7 @@ def custom_data_of(config: bytes) -> dict[str, str] | None:
 
 def _incomplete(summary: bytes) -> bytes:
     try:
-        values: dict[str, Any] = {**json.loads(summary), "incomplete": True}
+        values: dict[str, Any] = {**json_from(summary), "incomplete": True}
     except (ValueError, TypeError):
         return summary
     return (json.dumps(values, indent=2) + "\n").encode()

@@ -203,7 +203,8 @@ class Scan:
     def _scan(self) -> None:
         summary = self._summary
         self._limit = self.size if summary is None else summary.start
-        self._indexed = [] if summary is None else sorted({*summary.chunks, *summary.attachments, *summary.metadata})
+        listed = () if summary is None else {*summary.chunks, *summary.attachments, *summary.metadata}
+        self._indexed = sorted(at for at in listed if at < self._limit)
         at = self._first_record()
         while at < self._limit and not self.has_end:
             self._progress(at)
@@ -526,12 +527,17 @@ class Scan:
 
     # What only the whole file shows
 
+    @property
+    def _listing(self) -> McapSummary | None:
+        """The summary, where it tells how many messages there were: some writers leave that out."""
+        return self._summary if self._summary is not None and self._summary.lists_messages else None
+
     def _conclude(self) -> None:
         self._drop_unchecked()
         self._describe()
         if self._is_displaced and self._summary is not None and not lists_most(self._found, self._summary):
             self._summary = None
-        summary = self._summary
+        summary = self._listing
         if summary is not None:
             compare_with_summary(self._found, summary, is_displaced=self._is_displaced)
             self._forgive(summary)
@@ -576,7 +582,7 @@ class Scan:
         if self._data_end is None or self._data_end[1] == 0 or self._is_intact or self.gaps:
             return
         why = "the CRC over everything in it does not match"
-        if self._summary is None:
+        if self._listing is None:
             self._found.append(Gap(0, self.size, f"{why}; what differs is not known", is_between_messages=False))
         elif not self.notes:
             self.notes.append(f"{why}, but those of its parts do")
