@@ -276,6 +276,30 @@ def test_make_takes_the_render_mode_that_other_libraries_pass_on() -> None:
         module.WheelsEnv(render_mode="human")
 
 
+def test_without_a_render_mode_nothing_is_rendered() -> None:
+    """Stable-Baselines3's VecEnv.render and others call it whatever the mode."""
+    env = made()
+    env.reset(seed=0)
+    assert env.render() is None
+
+
+@pytest.mark.parametrize("value", [10**400, -(10**400), 10**5000], ids=["large", "negative", "endless"])
+@pytest.mark.parametrize("name", ["dt_s", "reward_goal", "hold_steps", "max_steps"])
+def test_a_whole_number_beyond_every_float_is_refused(name: str, value: int) -> None:
+    with pytest.raises(BadInput, match=rf"^environment: parameter '{name}' is [^\n]*, outside of [^\n]*$"):
+        made(**{name: value})
+
+
+def test_an_action_of_longdoubles_is_that_of_the_nearest_floats() -> None:
+    ends: list[Any] = []
+    for kind in (np.longdouble, np.float64):
+        env = made()
+        env.reset(seed=0)
+        env.step(np.array([1e-320, -0.0], np.float64).astype(kind))
+        ends.append(env.world)
+    assert ends[0] == ends[1]
+
+
 @pytest.mark.parametrize("mode", ["sync", "async"])
 def test_many_environments_can_be_made_at_once(mode: str) -> None:
     import fbql_sim.gymnasium_env as module

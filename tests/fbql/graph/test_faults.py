@@ -135,7 +135,7 @@ def test_a_node_of_the_same_name_in_the_domain_is_refused(start: Start, tmp_path
         assert first.exit_code(END_S) == 0
 
 
-@pytest.mark.parametrize("value", ["500", "-1", "mine"])
+@pytest.mark.parametrize("value", ["500", "-1", "mine", "9" * 4500], ids=["too high", "negative", "word", "endless"])
 def test_a_domain_that_cannot_be_is_refused(start: Start, value: str) -> None:
     run = start("--episodes", "1", environment={"ROS_DOMAIN_ID": value})
     assert run.exit_code() == 2

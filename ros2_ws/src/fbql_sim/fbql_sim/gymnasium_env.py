@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import isfinite, pi
+from math import inf, isfinite, pi
 from typing import Any
 
 import numpy as np
@@ -192,6 +192,9 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
         }
         return self.observe(world), reward, world.terminated, world.truncated, info
 
+    def render(self) -> None:
+        """Nothing: there is no rendering, and Gymnasium's own `render` raises NotImplementedError."""
+
     def _running(self) -> World:
         """The latest world, of an episode that goes on."""
         world = self._loop.world
@@ -222,7 +225,7 @@ def numbers_of(action: Any, count: int) -> list[float]:
     if values.shape != (count,) or values.dtype.kind not in "fiu":
         kind = f"{values.dtype} {list(values.shape)}" if values.size else " ".join(repr(action)[:40].split())
         raise ValueError(f"an action is {count} numbers, not {kind}")
-    numbers: list[float] = values.tolist()
+    numbers = [*map(float, values.tolist())]  # of a longdouble that is no float yet
     if not all(map(isfinite, numbers)):
         raise ValueError(f"the numbers of an action must be finite, not {numbers}")
     return numbers
@@ -231,8 +234,16 @@ def numbers_of(action: Any, count: int) -> list[float]:
 def _declared[T](declaration: type[T], values: dict[str, Any]) -> T:
     """An instance of a declaration; integers are accepted for floats."""
     kinds = types_of(declaration)
-    whole = {name: float(value) for name, value in values.items() if type(value) is int and kinds.get(name) is float}
+    whole = {name: _float(value) for name, value in values.items() if type(value) is int and kinds.get(name) is float}
     return from_mapping(declaration, {**values, **whole}, "environment")
+
+
+def _float(value: int) -> float:
+    """The nearest float; an infinity, which every declaration refuses, for a number beyond all of them."""
+    try:
+        return float(value)
+    except OverflowError:
+        return inf if value > 0 else -inf
 
 
 def _clip(share: float) -> float:

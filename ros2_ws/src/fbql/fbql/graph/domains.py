@@ -12,6 +12,8 @@ from fbql_common.core.errors import BadInput
 
 MAX_DOMAIN_ID = 232
 """The highest domain that has ports."""
+_MOST_DIGITS = 9
+"""Of a ROS_DOMAIN_ID with zeros in front; Python reads no number of more than 4300."""
 _COORDINATED = range(1, 101)
 """The domains that domain_coordinator hands out."""
 
@@ -21,7 +23,7 @@ def domain_from() -> int | None:
     text = os.environ.get("ROS_DOMAIN_ID", "")
     if not text:
         return None
-    if not (text.isascii() and text.isdigit() and int(text) <= MAX_DOMAIN_ID):
+    if not (text.isascii() and text.isdigit() and len(text) <= _MOST_DIGITS and int(text) <= MAX_DOMAIN_ID):
         raise BadInput(
             f"ROS_DOMAIN_ID is '{text}'; set a number from 0 to {MAX_DOMAIN_ID}, or unset it to get a free domain"
         )

@@ -125,7 +125,7 @@ def check(instance: Any, where: str, prefix: str = "") -> None:
             high = unbounded if limits.high is None else limits.high
             if not low <= value <= high or not math.isfinite(value):
                 unit = f" {limits.unit}" if limits.unit else ""
-                raise BadInput(f"{where}: parameter '{name}' is {value}, outside of [{low:g}, {high:g}]{unit}")
+                raise BadInput(f"{where}: parameter '{name}' is {_shown(value)}, outside of [{low:g}, {high:g}]{unit}")
 
 
 def _is_of(value: Any, kind: Any) -> bool:
@@ -136,6 +136,13 @@ def _is_of(value: Any, kind: Any) -> bool:
     if kind == list[str]:
         return isinstance(value, list) and all(isinstance(item, str) for item in value)  # pyright: ignore[reportUnknownVariableType]
     return isinstance(value, kind)
+
+
+def _shown(value: float) -> str:
+    """A number in words; Python writes no whole number of more than 4300 digits."""
+    if isinstance(value, int) and abs(value) > _INT64:
+        return f"{'-' * (value < 0)}2^{abs(value).bit_length() - 1} or more"
+    return str(value)
 
 
 def _name_of(kind: Any) -> str:
