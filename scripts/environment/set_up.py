@@ -114,7 +114,8 @@ class SetUp:
         self.clear(self.target.venv)
         self.target.venv.mkdir()
         (self.target.venv / UNFINISHED).touch()
-        options = [] if interpreter.has_ensurepip and self.which("uv") is None else ["--without-pip"]
+        # With pip also where uv installs the locks: the documents name `python -m pip install` for the optional extras.
+        options = [] if interpreter.has_ensurepip else ["--without-pip"]
         options += ["--system-site-packages"] if self.target.underlay else []
         self.run("venv", [interpreter.executable, "-m", "venv", *options, str(self.target.venv)], step)
 

@@ -12,8 +12,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from environment.set_up import is_ours, open_up, readable_as, remove, writable_cache
-from environment.target import BUILD_STAMP, ENVIRONMENT_STAMP, UNFINISHED, read_stamp
+from environment.interpreter import Interpreter
+from environment.progress import Step
+from environment.set_up import SetUp, exclusive, is_ours, open_up, readable_as, remove, writable_cache
+from environment.target import BUILD_STAMP, ENVIRONMENT_STAMP, UNFINISHED, Target, read_stamp
 from setup_checkout import (
     REAL_PYTHON,
     command,
@@ -252,3 +254,20 @@ def test_only_what_carries_a_stamp_is_removed(tmp_path: Path) -> None:
     assert (theirs / "file").exists()
     remove(theirs)
     assert not theirs.exists()
+
+
+def test_the_environment_has_pip_for_the_optional_extras_also_where_uv_installs_the_locks(tmp_path: Path) -> None:
+    target = Target(tmp_path / "checkout")
+    (target.workspace / "src").mkdir(parents=True)
+    for lock_file in target.locks("run"):
+        lock_file.parent.mkdir(exist_ok=True)
+        lock_file.touch()
+    uv = tmp_path / "bin" / "uv"
+    uv.parent.mkdir()
+    uv.touch(0o755)
+    environ = {**os.environ, "PATH": f"{uv.parent}{os.pathsep}{os.environ['PATH']}"}
+    with exclusive(target.state / "lock") as lock:
+        work = SetUp(target, "run", environ, lock)
+        assert work.which("uv") == str(uv)
+        work.make_venv(Interpreter(sys.executable, "3.12", has_ensurepip=True), Step(1, 1, "making an environment"))
+    assert (target.site_packages / "pip").is_dir()

@@ -15,7 +15,7 @@ from own_controller import only_ours
 from places import ROOT
 
 EXPECTED = {
-    "play_a_match": ["3 goals in 3 episodes", "episode 2: goal after", "refused: --episodes is 0"],
+    "play_a_match": ["3 goals in 3 episodes", "episode 2: goal after", "refused: episodes is 0"],
     "train_a_policy": ["trained: ", "the policy has", "steps per goal (", "p = "],
     "induce_a_tree": ["leaf  0: ", "after 50 trials", "split_cost -0.2: ", "the same match: True"],
     "own_controller": ["bandit: 27 goals in 40 episodes", "values: [", "frozen: 8 goals in 10 episodes"],

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import fbql
 import numpy as np
@@ -128,7 +129,7 @@ def test_induce_has_the_result_of_the_command(tmp_path: Path, capsys: pytest.Cap
     ("call", "reason"),
     [
         (lambda: fbql.play("best"), "'best'"),
-        (lambda: fbql.play(episodes=0), "--episodes is 0"),
+        (lambda: fbql.play(episodes=0), "episodes is 0"),
         (lambda: fbql.play(parameters={"weight_gian": 1}), "did you mean"),
         (lambda: fbql.play(policy="missing.npz"), "no such file"),
         (lambda: fbql.play(trees="missing"), "missing"),
@@ -145,6 +146,20 @@ def test_bad_input_is_one_line(call, reason: str) -> None:
         call()
     assert reason in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "start"),
+    [
+        ({"guided": -1}, "guided is -1"),
+        ({"max_steps": 0}, "max_steps "),
+        ({"parameters": {"ball_robot_friction": -1.0}}, "ball_robot_friction "),
+    ],
+)
+def test_an_error_names_an_argument_as_python_spells_it(arguments: dict[str, Any], start: str) -> None:
+    with pytest.raises(fbql.BadInput) as error:
+        fbql.play(**arguments)
+    assert str(error.value).startswith(start)
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:

@@ -25,7 +25,8 @@ def command(monkeypatch: pytest.MonkeyPatch) -> Callable[[BaseException | int], 
                 raise ending
             return ending
 
-        module = SimpleNamespace(parser=lambda program: Parser(prog=program), run=run, __doc__="Does a thing.\n\nMore.")
+        words = "Does a thing. It resumes.\n\nMore."
+        module = SimpleNamespace(parser=lambda program: Parser(prog=program), run=run, __doc__=words)
         entry = SimpleNamespace(name="thing", load=lambda: module)
         monkeypatch.setattr(app, "entry_points", lambda **wanted: [entry] * (wanted.get("name", "thing") == "thing"))
         monkeypatch.setattr(app.Interrupts, "install", lambda _: None)
@@ -69,13 +70,13 @@ def test_a_module_that_every_installation_has_is_a_bug_and_stays_a_traceback(com
         command(ModuleNotFoundError(name="fbql.nothing"))
 
 
-def test_help_lists_commands_of_other_packages_with_their_first_line(
+def test_help_lists_commands_of_other_packages_with_their_first_sentence(
     command: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     command(0)
     assert app.main(["--help"]) == 0
     out = capsys.readouterr().out
-    assert "  thing        Does a thing.\n" in out
+    assert "  thing        does a thing\n" in out
     assert all(f"  {name}" in out for name in app.COMMANDS)
 
 

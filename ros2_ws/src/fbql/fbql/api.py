@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -141,7 +142,8 @@ def play(
             out=None if out is None else Path(out),
         )
         given = policy.content if isinstance(policy, LearnedPolicy) else policy if isinstance(policy, Policy) else None
-        match = match_from(arguments, has_policy=given is not None)
+        with _errors_name_arguments():
+            match = match_from(arguments, has_policy=given is not None)
         observer = None if kept is None else kept.add
         match, session, summary = play_match(match, given, write=out is not None, step_decided=observer)
     learned, lost = None, ()
@@ -256,6 +258,16 @@ def _patterns(request: InductionRequest, given: Any) -> Patterns:
         else:
             demonstrations += load_demonstrations(Path(item), request.behavior)
     return patterns_for(request, demonstrations)
+
+
+@contextmanager
+def _errors_name_arguments() -> Iterator[None]:
+    """A context in which an error names an argument as `play` spells it, not as the commands do."""
+    try:
+        yield
+    except BadInput as error:
+        as_argument = re.sub(r"^--(?:set )?([a-z][\w-]*)", lambda option: option[1].replace("-", "_"), str(error))
+        raise BadInput(as_argument) from None
 
 
 @contextmanager

@@ -155,8 +155,11 @@ def _check_middleware() -> None:
 
 
 def _summary(name: str) -> str:
-    """One line about a command: of another package's, the first of its docstring."""
-    return COMMANDS[name].summary if name in COMMANDS else (_find(name).__doc__ or "").partition("\n")[0]
+    """One line about a command: of another package's, the first sentence of its docstring, written as ours are."""
+    if name in COMMANDS:
+        return COMMANDS[name].summary
+    sentence = (_find(name).__doc__ or "").partition("\n")[0].partition(". ")[0].removesuffix(".")
+    return sentence[:1].lower() + sentence[1:]
 
 
 def _usage() -> str:

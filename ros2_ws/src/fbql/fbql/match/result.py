@@ -83,7 +83,7 @@ def summary_text(
         ("played", summary["steps"], f"steps{_pace(summary, dt_s)}"),
         *_missed(summary),
         ("digest", summary["digest"][:8], "of every step; equal for identical lockstep matches"),
-        ("recording", recorded or "none", f"{'messages in ' if recorded else ''}{run}"),
+        ("recording", recorded or "none", f"{'messages' if recorded else 'the other files are'} in {run}"),
     ]
     if summary["incomplete"]:
         rows.append(("", "INCOMPLETE", f"some of the output could not be written; see {run / 'log'}"))
