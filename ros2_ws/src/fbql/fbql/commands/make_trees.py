@@ -23,7 +23,11 @@ def parser(program: str) -> Parser:
     """The command line."""
     command = Parser(prog=program, description="Regenerates the shipped trees from their committed seeds.")
     command.add_argument(
-        "--out", type=output_path, default=shipped_trees(), metavar="DIR", help="directory for the trees (%(default)s)"
+        "--out",
+        type=output_path,
+        default=shipped_trees().resolve(),
+        metavar="DIR",
+        help="directory for the trees (%(default)s)",
     )
     add_json_option(command)
     return command
