@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from fbql_behaviors.core.observation import OBSERVATIONS, register
 from fbql_behaviors.observation_loading import find_observation, load_observation
@@ -39,3 +39,10 @@ def register_observations(sources: Sequence[str], behaviors: Sequence[str] = ())
         if behavior not in OBSERVATIONS:
             register(behavior, find_observation(behavior))
     return found
+
+
+def unused_observations(found: Mapping[str, str], behaviors: Collection[str]) -> Iterator[str]:
+    """A line for each file that `register_observations` returned for a behavior other than these."""
+    for behavior, source in found.items():
+        if behavior not in behaviors:
+            yield f"--observation has no effect: {source} is of behavior '{behavior}', which no tree here has"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -52,6 +52,18 @@ def output_path(text: str) -> Path:
         return check_output(Path(text))
     except BadInput as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def without_effect(arguments: argparse.Namespace, names: Iterable[str], why: str) -> Iterator[str]:
+    """A line for each of these options that was given, in a case where it has no effect.
+
+    Args:
+        names: as attributes of `arguments`. None and False mean that an option was not given.
+    """
+    for name in names:
+        value = getattr(arguments, name)
+        if value is not None and value is not False and value != []:
+            yield f"--{name.replace('_', '-')} has no effect {why}"
 
 
 def add_json_option(parser: argparse._ActionsContainer) -> None:

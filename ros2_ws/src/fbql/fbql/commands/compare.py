@@ -17,8 +17,8 @@ from fbql_recording import open_run
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import LiveLine, print_result, warn, writing
-from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path
+from fbql.cli.output import LiveLine, complain, print_result, warn, writing
+from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path, without_effect
 from fbql.cli.words import counted
 from fbql.report.comparison import MEASURES, Group, Pair, RunResult, groups_of, name_of, pairs_of, result_of
 from fbql.report.texts import plain
@@ -46,6 +46,9 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     paths = list(dict.fromkeys(path.absolute() for path in arguments.runs))
     if len(paths) < 2:
         raise BadInput("name at least two runs, each once")
+    if arguments.figure is None:
+        for note in without_effect(arguments, ["force"], "without --figure: nothing is written"):
+            complain(note)
     if arguments.figure is not None:
         from fbql.report.comparison_figure import comparison_svg  # matplotlib takes a second, and is an extra
 

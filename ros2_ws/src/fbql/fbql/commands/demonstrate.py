@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict
 from itertools import islice
@@ -20,14 +20,15 @@ from fbql_behaviors.core.instructors import INSTRUCTORS, Habits
 from fbql_behaviors.core.observation import observation_of
 from fbql_behaviors.core.patterns import Demonstration, patterns_of
 from fbql_behaviors.core.recipes import recipe_of
+from fbql_behaviors.demonstration_storage import Recording
 from fbql_common.core.errors import BadInput
 from fbql_common.terminal.screen import trouble_with_terminal
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import add_observation_option, register_observations
+from fbql.cli.observations import add_observation_option, register_observations, unused_observations
 from fbql.cli.output import LiveLine, complain, print_result, say
-from fbql.cli.parser import Parser, add_json_option, output_path
+from fbql.cli.parser import Parser, add_json_option, output_path, without_effect
 from fbql.cli.places import command_text, new_path
 from fbql.cli.words import counted
 from fbql.demonstrations.instruct import instruct, simulation_of, starts
@@ -44,11 +45,17 @@ SLOWEST, FASTEST = 0.01, 100.0
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Records, replays or merges. Returns the exit code."""
     _check_usage(arguments)
-    register_observations(arguments.observation, [arguments.behavior] if arguments.behavior else [])
+    sources = register_observations(arguments.observation, [arguments.behavior] if arguments.behavior else [])
+    recordings = _recordings(arguments)
+    behavior = recordings[0].behavior if recordings else arguments.behavior
+    for note in _unused(arguments, sources, behavior):
+        complain(note)
+    if arguments.realtime is None:
+        arguments.realtime = 1.0
     if arguments.replay is not None:
-        return _replay(arguments, interrupts)
+        return _replay(arguments, recordings, interrupts)
     if arguments.merge is not None:
-        return _merge(arguments)
+        return _merge(arguments, recordings)
     return _by_keyboard(arguments, interrupts) if arguments.keyboard else _by_script(arguments)
 
 
@@ -88,8 +95,13 @@ def _by_keyboard(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     return DONE if well else FAILED
 
 
-def _merge(arguments: argparse.Namespace) -> int:
-    recordings = recordings_of(arguments.merge, arguments.behavior)
+def _recordings(arguments: argparse.Namespace) -> list[Recording]:
+    """What --replay or --merge names."""
+    paths = arguments.merge or ([] if arguments.replay is None else [arguments.replay])
+    return recordings_of(paths, arguments.behavior) if paths else []
+
+
+def _merge(arguments: argparse.Namespace, recordings: Sequence[Recording]) -> int:
     behavior = recordings[0].behavior
     demonstrations, origins = merge(recordings)
     out = arguments.out or new_path(f"demonstrations-{behavior}-merged")
@@ -100,8 +112,7 @@ def _merge(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def _replay(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    recordings = recordings_of([arguments.replay], arguments.behavior)
+def _replay(arguments: argparse.Namespace, recordings: Sequence[Recording], interrupts: Interrupts) -> int:
     behavior = recordings[0].behavior
     register_observations([], [behavior])
     found = verify(recordings)
@@ -150,14 +161,20 @@ def _check_usage(arguments: argparse.Namespace) -> None:
     for name, of in (("demonstrations", ("",)), ("steps", ("",)), ("seed", ("", "keyboard"))):
         if getattr(arguments, name) is not None and mode not in of:
             raise BadInput(f"--{name} cannot be combined with --{mode}")
-    if mode not in ("keyboard", "replay"):
-        for name, default in (("realtime", None), ("ascii", False)):
-            if getattr(arguments, name) != default:
-                complain(f"--{name} has no effect without --keyboard or --replay")
-    if arguments.realtime is None:
-        arguments.realtime = 1.0
-    if not SLOWEST <= arguments.realtime <= FASTEST:
+    if arguments.realtime is not None and not SLOWEST <= arguments.realtime <= FASTEST:
         raise BadInput(f"--realtime is {arguments.realtime:g}, outside of [{SLOWEST:g}, {FASTEST:g}]")
+
+
+def _unused(arguments: argparse.Namespace, sources: Mapping[str, str], behavior: str) -> Iterator[str]:
+    """The options that have no effect with what is done."""
+    yield from unused_observations(sources, [behavior])
+    how = ("realtime", "ascii")
+    if not (arguments.keyboard or arguments.replay):
+        yield from without_effect(arguments, how, "without --keyboard or --replay")
+    if arguments.replay is not None:
+        yield from without_effect(arguments, ["out"], "with --replay: nothing is written")
+        if trouble_with_terminal():
+            yield from without_effect(arguments, how, "without a terminal: nothing is shown")
 
 
 def parser(program: str) -> Parser:

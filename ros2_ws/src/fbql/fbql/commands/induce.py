@@ -23,9 +23,9 @@ from fbql_common.core.text import as_lines
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import add_observation_option, register_observations
+from fbql.cli.observations import add_observation_option, register_observations, unused_observations
 from fbql.cli.output import complain, print_result, say, warn, writing
-from fbql.cli.parser import Parser, add_json_option, add_parameter_options, output_path
+from fbql.cli.parser import Parser, add_json_option, add_parameter_options, output_path, without_effect
 from fbql.cli.places import new_path
 from fbql.cli.words import counted
 from fbql.demonstrations.make_tree import (
@@ -60,9 +60,7 @@ def parser(program: str) -> Parser:
     )
     command.add_argument("--every", type=int, metavar="N", help="take every N-th step of a demonstration as a pattern")
     command.add_argument("--patterns", type=int, metavar="N", help="take at most N patterns")
-    command.add_argument(
-        "--seed", type=int, default=INDUCTION_SEED, metavar="S", help="seed of the trials (%(default)s)"
-    )
+    command.add_argument("--seed", type=int, metavar="S", help=f"seed of the trials ({INDUCTION_SEED})")
     command.add_argument(
         "--out", type=output_path, metavar="FILE", help="tree file (runs/TIME-tree-BEHAVIOR/BEHAVIOR.json)"
     )
@@ -91,13 +89,16 @@ def parser(program: str) -> Parser:
 
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     """Induces the tree. Returns 0."""
-    register_observations(arguments.observation, [arguments.behavior])
+    sources = register_observations(arguments.observation, [arguments.behavior])
     names = ("seed", "every", "patterns", "leaves", *types_of(InductionParameters))
-    request = request_of(arguments.behavior, **{name: getattr(arguments, name) for name in names})
-    given = [name for name in types_of(InductionParameters) if getattr(arguments, name) is not None]
-    given += ["seed"] if arguments.seed != INDUCTION_SEED else []
-    for name in unused_parameters(request.method, given):
-        complain(f"--{name.replace('_', '-')} has no effect with --method {request.method}")
+    given = {name: value for name in names if (value := getattr(arguments, name)) is not None}
+    request = request_of(arguments.behavior, **given)
+    unused = unused_parameters(request.method)
+    for note in (
+        *unused_observations(sources, [arguments.behavior]),
+        *without_effect(arguments, unused, f"with --method {request.method}"),
+    ):
+        complain(note)
     if arguments.curve is not None and request.method != "rl":
         raise BadInput("--curve needs --method rl; the other methods have no trials")
     demonstrations = _demonstrations(request, arguments.demos)

@@ -16,7 +16,19 @@ from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option
 from fbql.cli.output import complain, warn
-from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path
+from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path, without_effect
+
+_ON_ROS = {
+    "rate": 1.0,
+    "start": 0.0,
+    "duration": None,
+    "loop": False,
+    "topics": None,
+    "no_clock": False,
+    "domain": None,
+    "wait": 1.0,
+}
+"""The options of the republishing, and what they are where they are not given."""
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
@@ -24,6 +36,9 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     _check(arguments)
     for note in _unused(arguments):
         complain(note)
+    for name, usual in _ON_ROS.items():
+        if getattr(arguments, name) is None:
+            setattr(arguments, name, usual)
     run = open_run(arguments.run, skip_corrupt=arguments.skip_corrupt)
     known = run.warnings
     warn(known)
@@ -59,15 +74,15 @@ def parser(program: str) -> Parser:
     add_recording_options(command)
     add_json_option(command)
     ros = command.add_argument_group("published on ROS (the default)")
-    ros.add_argument("--rate", type=float, default=1.0, metavar="F", help="times real time; 0: as fast as possible (1)")
-    ros.add_argument("--start", type=float, default=0.0, metavar="S", help="start S seconds into the recording")
+    ros.add_argument("--rate", type=float, metavar="F", help="times real time; 0: as fast as possible (1)")
+    ros.add_argument("--start", type=float, metavar="S", help="start S seconds into the recording (0)")
     ros.add_argument("--duration", type=float, metavar="S", help="stop after S seconds of the recording")
     ros.add_argument("--loop", action="store_true", help="start over at the end, until q or Ctrl-C")
     ros.add_argument("--topics", nargs="+", metavar="TOPIC", help="publish only these topics")
-    ros.add_argument("--no-clock", dest="clock", action="store_false", help="do not publish /clock")
+    ros.add_argument("--no-clock", action="store_true", help="do not publish /clock")
     ros.add_argument("--domain", type=int, metavar="N", help="ROS_DOMAIN_ID to replay in (a free one)")
     ros.add_argument(
-        "--wait", type=float, default=1.0, metavar="S",
+        "--wait", type=float, metavar="S",
         help="start when every topic has a subscriber, or after S seconds (1)",
     )  # fmt: skip
     verified = command.add_argument_group("recomputed")
@@ -100,14 +115,12 @@ def _only_names_code(arguments: argparse.Namespace) -> bool:
 
 
 def _unused(arguments: argparse.Namespace) -> Iterator[str]:
-    """The options that have no effect with what is done: those of the republishing where nothing is republished."""
-    if not (arguments.verify or _is_what_if(arguments)):
-        return
-    mode = "--verify" if arguments.verify else "a change such as --set"
-    defaults = parser("replay")
-    for name in ("rate", "start", "duration", "loop", "topics", "clock", "domain", "wait"):
-        if getattr(arguments, name) != defaults.get_default(name):
-            yield f"--{'no-clock' if name == 'clock' else name} has no effect with {mode}: nothing is published"
+    """The options that have no effect with what is done."""
+    if arguments.verify or _is_what_if(arguments):
+        mode = "--verify" if arguments.verify else "a change such as --set"
+        yield from without_effect(arguments, _ON_ROS, f"with {mode}: nothing is published")
+    if not arguments.verify and arguments.trees is None:
+        yield from without_effect(arguments, ["observation"], "without --verify or --trees: no behavior is recomputed")
 
 
 def _check(arguments: argparse.Namespace) -> None:

@@ -23,7 +23,7 @@ from fbql_common.files import read_file
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import add_observation_option, register_observations
+from fbql.cli.observations import add_observation_option, register_observations, unused_observations
 from fbql.cli.output import complain, print_result, say, writing
 from fbql.cli.parser import Parser, output_path
 from fbql.cli.words import counted
@@ -52,13 +52,24 @@ class _TreeParser(Parser):
 
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     """Runs the subcommand. Returns 0."""
-    register_observations(arguments.observation)
+    arguments.sources = register_observations(arguments.observation)
     with writing("output"):
         return arguments.run(arguments)
 
 
-def _explain(arguments: argparse.Namespace) -> int:
+def _load(arguments: argparse.Namespace) -> Tree:
     tree = load_tree(arguments.file)
+    _report_unused(arguments, tree.behavior)
+    return tree
+
+
+def _report_unused(arguments: argparse.Namespace, behavior: str) -> None:
+    for note in unused_observations(arguments.sources, [behavior]):
+        complain(note)
+
+
+def _explain(arguments: argparse.Namespace) -> int:
+    tree = _load(arguments)
     chosen = range(tree.leaf_count)
     if arguments.at is not None:
         chosen = [tree.answer(_observation(arguments.at, tree))[0]]
@@ -99,7 +110,7 @@ def _observation(text: str, tree: Tree) -> tuple[float, ...]:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    tree = load_tree(arguments.file)
+    tree = _load(arguments)
     if arguments.json:
         print_result(json.dumps({"behavior": tree.behavior, "leaves": tree.leaf_count, "sha256": tree.hash}))
     else:
@@ -108,7 +119,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    text = FORMATS[arguments.to](load_tree(arguments.file))
+    text = FORMATS[arguments.to](_load(arguments))
     if arguments.out is None:
         print_result(text.removesuffix("\n"))
     else:
@@ -119,6 +130,7 @@ def _export(arguments: argparse.Namespace) -> int:
 
 
 def _import(arguments: argparse.Namespace) -> int:
+    _report_unused(arguments, arguments.behavior)
     register_observations([], [arguments.behavior])
     features = observation_of(arguments.behavior).features
     data = read_file(arguments.file, MAX_BYTES)

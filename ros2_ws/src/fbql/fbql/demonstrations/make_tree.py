@@ -112,10 +112,9 @@ def request_of(
     return InductionRequest(behavior, recipe, CART if is_cart else induction.method, seed, leaves)
 
 
-def unused_parameters(method: str, given: Sequence[str]) -> list[str]:
-    """Those of the given parameters that have no effect with a method."""
-    unused = {"dp": ("seed", *_OF_TRIALS), CART: (*_OF_TRIALS, *_OF_SPLITS)}.get(method, ())
-    return [name for name in given if name in unused]
+def unused_parameters(method: str) -> tuple[str, ...]:
+    """The parameters that have no effect with a method."""
+    return {"dp": (*_OF_TRIALS, "seed"), CART: (*_OF_SPLITS, *_OF_TRIALS)}.get(method, ())
 
 
 def instructed(request: InductionRequest, seed: int = DEMONSTRATION_SEED) -> list[Demonstration]:

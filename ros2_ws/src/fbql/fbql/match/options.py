@@ -6,7 +6,7 @@ import argparse
 import re
 import shlex
 from collections.abc import Collection, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from difflib import get_close_matches
@@ -27,16 +27,16 @@ from fbql_recording.run_directory import create_next_run_directory, create_run_d
 from fbql_sim.core.parameters import SimulationParameters
 
 from fbql.cli.controllers import add_controller_option
-from fbql.cli.observations import add_observation_option, register_observations
+from fbql.cli.observations import add_observation_option, register_observations, unused_observations
 from fbql.cli.parser import Help, Parser, output_path
 from fbql.cli.places import RUNS
 
 DEFAULT_GOALS = 10
 RESERVED_NAMES = {"simulator", "fusion", "bringup", "behavior"}
 _OF_THE_RUN = {"controller", "seed", "episodes", "goals", "guided", "learn"}
+"""Parameters that the next run chooses anew."""
 _OPTIONS = _OF_THE_RUN | {"preset", "max_steps"}
 """Parameters that have an option of their own; --set gives the others."""
-"""Parameters that the next run chooses anew."""
 
 
 @dataclass(frozen=True)
@@ -154,12 +154,16 @@ def match_from(arguments: argparse.Namespace, has_policy: bool = False) -> Match
     for name in RESERVED_NAMES & set(fusion.behaviors):
         raise BadInput(f"--set behaviors has '{name}', which is the name of another node")
     behaviors = {name: _tree_file(name, arguments.trees) for name in fusion.behaviors}
+    observations = register_observations(arguments.observation)
     fits = _are_shipped(behaviors)
     shipped = fusion.controller == "fbql" and fusion.guided <= 0 and fits
     policy = _policy(arguments.policy, shipped)
     has_policy = has_policy or policy is not None
     notes = [] if has_policy else [*_notes_on_the_start(fusion, fits, arguments.policy is not None)]
     notes += _unused(fusion, has_policy, given)
+    if arguments.policy == "none" and not learns(fusion):
+        notes.append(f"--policy none has no effect: {fusion.controller} takes no policy")
+    notes += unused_observations(observations, _behaviors_of_trees(behaviors))
     return Match(
         fusion=fusion,
         simulation=simulated,
@@ -168,7 +172,7 @@ def match_from(arguments: argparse.Namespace, has_policy: bool = False) -> Match
         out=_out(arguments.out, fusion),
         out_named=arguments.out is not None,
         trees=arguments.trees and arguments.trees.absolute(),
-        observations=register_observations(arguments.observation),
+        observations=observations,
         controller_file=controller.source,
         notes=tuple(notes),
     )
@@ -230,6 +234,15 @@ def _are_shipped(behaviors: dict[str, Path]) -> bool:
         return all(load_tree(path).hash == load_tree(_tree_file(name, None)).hash for name, path in behaviors.items())
     except BadInput:
         return False  # it is reported where the tree is played
+
+
+def _behaviors_of_trees(files: dict[str, Path]) -> set[str]:
+    """The behaviors that these tree files name. One that can't be read is reported where it is played."""
+    found: set[str] = set()
+    for path in files.values():
+        with suppress(BadInput):
+            found.add(load_tree(path).behavior)
+    return found
 
 
 def _add_setting(

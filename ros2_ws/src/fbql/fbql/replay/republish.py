@@ -61,7 +61,7 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
         raise BadInput(f"--domain {domain}: a domain is a number from 0 to {MAX_DOMAIN_ID}")
     with (
         nullcontext(domain) if domain is not None else free_domain() as domain_id,
-        closing(Stage(run, topics, domain_id, arguments.clock, views=arguments.topics is None)) as stage,
+        closing(Stage(run, topics, domain_id, not arguments.no_clock, views=arguments.topics is None)) as stage,
         closing(LiveLine()) as line,
         _keyboard() as keys,
     ):

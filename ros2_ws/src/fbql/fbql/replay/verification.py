@@ -30,8 +30,8 @@ from fbql_recording.run_directory import own_revision, software_versions
 
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import register_observations
-from fbql.cli.output import LiveLine, print_result
+from fbql.cli.observations import register_observations, unused_observations
+from fbql.cli.output import LiveLine, complain, print_result
 from fbql.replay.recomputation import (
     OutOfPlace,
     RecordedBehaviors,
@@ -300,7 +300,10 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
     parameters, notes = recorded_parameters(run)
     if controller not in ("", parameters.controller):
         raise BadInput(f"--controller {arguments.controller}: the run's controller is '{parameters.controller}'")
-    behaviors = RecordedBehaviors(run, recorded_trees(run), register_observations(arguments.observation))
+    trees, sources = recorded_trees(run), register_observations(arguments.observation)
+    for note in unused_observations(sources, {tree.behavior for tree in trees.values()}):
+        complain(note)
+    behaviors = RecordedBehaviors(run, trees, sources)
     session = Session(parameters, recorded_policy(run))
     total = max(run.counts.values(), default=0)
     begun_s = monotonic()

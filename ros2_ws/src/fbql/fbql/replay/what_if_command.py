@@ -26,8 +26,8 @@ from fbql_fusion.policy_storage import load_policy
 from fbql_recording import Run
 
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.observations import register_observations
-from fbql.cli.output import LiveLine, print_result, writing
+from fbql.cli.observations import register_observations, unused_observations
+from fbql.cli.output import LiveLine, complain, print_result, writing
 from fbql.match.options import errors_name_options, parse_value, similar
 from fbql.replay.recomputation import recorded_parameters, recorded_policy
 from fbql.replay.what_if import Compared, DifferenceTally, Tallies, compare_steps
@@ -138,6 +138,8 @@ def _behaviors(run: Run, arguments: argparse.Namespace) -> dict[str, Behavior]:
             found[name] = Behavior(name, tree, find_observation(tree.behavior, sources.get(tree.behavior, "")))
     if not found:
         raise BadInput(f"--trees {arguments.trees}: none of {', '.join(path.name for path in files.values())} is there")
+    for note in unused_observations(sources, {each.tree.behavior for each in found.values()}):
+        complain(note)
     return found
 
 
