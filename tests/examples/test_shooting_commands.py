@@ -11,6 +11,7 @@ from pathlib import Path
 import domain_coordinator
 import pytest
 from bringup_run import ROOT, Run
+from commands import train
 from fbql_behaviors.storage import load_tree
 from run_directory_reader import digest_of, messages_of, parameters_of, summary_of
 
@@ -67,6 +68,17 @@ def test_four_behaviors_play_the_same_match_in_many_processes_in_one_and_without
     for run in (graph, without):
         nodes = parameters_of(run.out)
         assert [nodes[name].get("observation", "") for name in NAMES] == ["", "", "", source]
+
+
+def test_in_one_process_it_plays_the_goals_that_are_asked_for_as_it_does_without_ros(
+    start: Start, trees: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("--controller", "subsumption", *FOUR, "--goals", "1", "--seed", "4", "--json", "--trees", str(trees))
+    graph = json.loads(well_ended(start(*words, *OBSERVATION, "--processes", "one")).stdout)
+    assert train([*words, *OBSERVATION, "--out", str(trees.parent / "without")]) == 0
+    without = json.loads(capsys.readouterr().out)
+    assert graph["digest"] == without["digest"]
+    assert (graph["goals"], graph["episodes"]) == (1, without["episodes"])
 
 
 def test_its_node_is_run_by_ros2_run_and_fused_by_naming_it(start: Start, trees: Path) -> None:

@@ -29,6 +29,17 @@ NODES = ("simulator", *BEHAVIORS, "fusion")
 PATIENCE_S = 60.0
 END_S = 5.0
 """Within this everything has ended after it was asked to (faults 27 and 28) [s]."""
+HOSTILE = {
+    "ROS_LOCALHOST_ONLY": "1",
+    "ROS_DISCOVERY_SERVER": "127.0.0.1:11811",
+    "RMW_IMPLEMENTATION": "rmw_nothing_cpp",
+    "RCUTILS_LOGGING_USE_STDOUT": "1",
+    "PYTHONIOENCODING": "ascii",
+    "LC_ALL": "C",
+    "COLUMNS": "wide",
+    "LINES": "-1",
+}
+"""Variables that a command is told of, sets aside or works with, and that change no result."""
 _MARK = "FBQL_TEST_RUN"
 _PERSONAL = ("ROS_DOMAIN_ID", "ROS_LOG_DIR", "ROS_HOME", "ROS_SECURITY_ENABLE", "ROS_AUTOMATIC_DISCOVERY_RANGE")
 _NAMESPACE = ("unshare", "--user", "--map-root-user", "--mount")
@@ -171,9 +182,9 @@ def _take_terminal() -> None:
 class Terminal:
     """A pseudo-terminal that is read all the time, as a window would."""
 
-    def __init__(self, columns: int = 80) -> None:
+    def __init__(self, columns: int = 80, rows: int = 24) -> None:
         self._master, self.descriptor = pty.openpty()
-        fcntl.ioctl(self.descriptor, termios.TIOCSWINSZ, struct.pack("4H", 24, columns, 0, 0))
+        fcntl.ioctl(self.descriptor, termios.TIOCSWINSZ, struct.pack("4H", rows, columns, 0, 0))
         self._data = b""
         self._closing, self._close = os.pipe()
         self._reader = threading.Thread(target=self._read, daemon=True)

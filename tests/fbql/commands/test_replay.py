@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import json
 import random
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from struct import pack
 
 import pytest
-from bringup_run import Run
+from bringup_run import HOSTILE, Run, Terminal, in_namespace
 from commands import replay
 from fbql_common.wire import decode_decision
 from fbql_fusion.shipped import shipped_policy
@@ -53,6 +54,36 @@ def test_a_run_of_the_graph_is_replayed_onto_ros(recorded, start):
     done = start(str(recorded), "--rate", "0", "--wait", "0", script="replay.py", out=False)
     assert done.exit_code() == 0, done.stderr
     assert f"replayed {sum(open_run(recorded).counts.values())} messages" in done.stderr
+
+
+def test_a_hostile_environment_costs_a_replay_lines_and_no_message(recorded, start, tmp_path):
+    run = shutil.copytree(recorded, tmp_path / "naïve")
+    done = start(
+        *(str(run), "--rate", "0", "--wait", "0", "--json"),
+        script="replay.py",
+        out=False,
+        before=in_namespace("mount -t tmpfs -o ro tmpfs /dev/shm"),
+        environment={**HOSTILE, "TERM": None},
+    )
+    assert done.exit_code() == 0, done.stderr
+    assert json.loads(done.stdout)["messages"] == sum(open_run(recorded).counts.values())
+    assert done.stderr.isascii() and "Traceback" not in done.stderr
+    for name in ("ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER", "RMW_IMPLEMENTATION", "shared memory can't be used"):
+        assert sum(name in line for line in done.stderr.splitlines()) == 1, done.stderr
+    assert r"na\xefve" in done.stderr
+
+
+def test_a_tiny_terminal_of_no_known_kind_shows_a_replay(recorded, start):
+    terminal = Terminal(20, 5)
+    words = (str(recorded), "--rate", "4", "--wait", "0", "--json")
+    done = start(*words, script="replay.py", out=False, terminal=terminal, environment={**HOSTILE, "TERM": "dumb"})
+    assert done.exit_code() == 0, terminal.shown
+    assert json.loads(done.stdout)["messages"] == sum(open_run(recorded).counts.values())
+    live = max(terminal.lines(), key=len)
+    terminal.close()
+    assert len(live) > 2
+    assert all(len(state) <= 20 for state in live[:-1]), "the last is the line that says how it went"
+    assert "Traceback" not in terminal.shown
 
 
 def test_what_if_tells_json_and_nothing_else_on_stdout(recorded, capsys):

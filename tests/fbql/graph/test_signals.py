@@ -29,7 +29,7 @@ def ended_well(run: Run) -> None:
     assert finalised(run.out) == summary["messages_recorded"] >= 6 * summary["steps"]
 
 
-@pytest.mark.parametrize(("number", "processes"), [(signal.SIGINT, "many"), (signal.SIGHUP, "one")])
+@pytest.mark.parametrize(("number", "processes"), [(signal.SIGHUP, "many"), (signal.SIGINT, "one")])
 def test_a_signal_ends_the_run_with_all_that_was_played(start: Start, number: signal.Signals, processes: str) -> None:
     run = start(*ENDLESS, "--json", "--processes", processes)
     run.until_playing()

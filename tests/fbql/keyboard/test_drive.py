@@ -14,7 +14,7 @@ from pathlib import Path
 from time import monotonic
 
 import pytest
-from bringup_run import END_S, Run, Terminal
+from bringup_run import END_S, HOSTILE, Run, Terminal, in_namespace
 from fbql.demonstrations.replay import verify
 from fbql_behaviors.demonstration_storage import load_demonstrations, load_recordings
 
@@ -26,8 +26,8 @@ PATIENCE_S = 40.0
 class Screen:
     """A terminal with somebody before it, who types, and reads what was not there before."""
 
-    def __init__(self) -> None:
-        self.terminal = Terminal()
+    def __init__(self, terminal: Terminal | None = None) -> None:
+        self.terminal = terminal or Terminal()
         self.text = ""
         self.read = 0
         """Up to where `text` was read."""
@@ -173,4 +173,58 @@ def test_without_a_terminal_it_says_so_in_one_line(start: Start) -> None:
     assert run.stderr.splitlines()[-1] == (
         "demonstrate.py: an interactive terminal is needed: standard input is not one; start it in a terminal"
     )
+    assert not run.out.exists()
+
+
+def test_a_hostile_environment_costs_lines_and_nothing_that_was_driven(
+    start: Start, screen: Screen, tmp_path: Path
+) -> None:
+    out = tmp_path / "naïve"
+    run = start(
+        *(BEHAVIOR, "--keyboard", "--json", "--realtime", "4", "--out", str(out)),
+        script="demonstrate.py",
+        out=False,
+        terminal=screen.terminal,
+        before=in_namespace("mount -t tmpfs -o ro tmpfs /dev/shm"),
+        environment={**HOSTILE, "TERM": "vt100"},
+    )
+    screen.until(run, "ROS_LOCALHOST_ONLY is set aside")
+    screen.until(run, "shared memory can't be used")
+    screen.until(run, "begins with your first key")
+    drive(run, screen, "www", 30)
+    screen.type("q")
+    screen.until(run, r"\?1049l")
+    assert run.exit_code(END_S) == 0, screen.text
+    assert json.loads(run.stdout)["demonstrations"] == 1
+    assert recorded(out)[0] >= 30
+    assert screen.terminal.shown.isascii()
+    assert "Traceback" not in screen.terminal.shown
+
+
+def test_a_terminal_that_is_too_small_says_so_and_is_given_back(start: Start) -> None:
+    small = Screen(Terminal(20, 5))
+    run = start(
+        *(BEHAVIOR, "--keyboard"),
+        script="demonstrate.py",
+        terminal=small.terminal,
+        environment={**HOSTILE, "TERM": "xterm"},
+    )
+    small.until(run, "This terminal is 20")
+    small.type("q")
+    small.until(run, "nothing was demonstrated")
+    assert run.exit_code(END_S) == 1
+    assert run.processes() == {}
+    assert "Traceback" not in small.terminal.shown
+    small.hang_up()
+
+
+@pytest.mark.parametrize("name", [None, "", "dumb", "unknown"])
+def test_a_terminal_that_can_not_be_drawn_on_is_one_line(start: Start, name: str | None) -> None:
+    terminal = Terminal()
+    run = start(BEHAVIOR, "--keyboard", script="demonstrate.py", terminal=terminal, environment={"TERM": name})
+    assert run.exit_code() == 2, terminal.shown
+    (line,), rest = terminal.lines()
+    terminal.close()
+    assert line == f"demonstrate.py: an interactive terminal is needed: TERM is '{name or ''}'; start it in another"
+    assert rest == [""]
     assert not run.out.exists()
