@@ -47,6 +47,8 @@ class Mutant:
     column: int
     before: str
     after: str
+    lines: frozenset[int]
+    """Lines of the changed code and of the statement that it is in; of a statement with a block, those of its head."""
     source: str
     """The whole changed source."""
 
@@ -58,28 +60,44 @@ def mutants_of(source: str) -> list[Mutant]:
     for row in data.splitlines(keepends=True):
         starts.append(starts[-1] + len(row))
     found: list[Mutant] = []
-    for node in _changeable(ast.parse(source)):
+    for node, statement in _changeable(ast.parse(source)):
         for kind, changed in _changes(node):
             begin = starts[node.lineno - 1] + node.col_offset
             end = starts[(node.end_lineno or node.lineno) - 1] + (node.end_col_offset or 0)
             text = ast.unparse(changed)
             after = text if isinstance(node, ast.stmt) else f"({text})"
             mutated = (data[:begin] + after.encode() + data[end:]).decode()
-            found.append(Mutant(kind, node.lineno, node.col_offset, data[begin:end].decode(), text, mutated))
+            before, lines = data[begin:end].decode(), frozenset({*_lines(node), *_lines(statement)})
+            found.append(Mutant(kind, node.lineno, node.col_offset, before, text, lines, mutated))
     return sorted(found, key=lambda each: (each.line, each.column, each.kind, each.after))
 
 
-def _changeable(tree: ast.AST) -> Iterator[ast.stmt | ast.expr]:
-    """Every statement and expression that is not part of a text, an annotation or a decorator."""
+def _changeable(tree: ast.AST, statement: ast.stmt | None = None) -> Iterator[tuple[ast.stmt | ast.expr, ast.stmt]]:
+    """Every statement without a block and every expression that is not part of a text, an annotation or a decorator, and the innermost
+    statement that it is in."""
     for name, value in ast.iter_fields(tree):
         if name in ("annotation", "returns", "decorator_list", "type_params", "bases"):
             continue
         for child in value if isinstance(value, list) else [value]:
             if not isinstance(child, ast.AST) or isinstance(child, ast.JoinedStr | ast.Import | ast.ImportFrom):
                 continue
-            if isinstance(child, ast.stmt | ast.expr):
-                yield child
-            yield from _changeable(child)
+            inner = child if isinstance(child, ast.stmt) else statement
+            if isinstance(child, ast.stmt | ast.expr) and inner and not _has_block(child):
+                yield child, inner
+            yield from _changeable(child, inner)
+
+
+def _has_block(node: ast.AST) -> bool:
+    return isinstance(node, ast.stmt) and (hasattr(node, "body") or hasattr(node, "cases"))
+
+
+def _lines(node: ast.stmt | ast.expr) -> range:
+    """The lines of an expression or a statement; of one with a block, those before it."""
+    if not _has_block(node):
+        return range(node.lineno, (node.end_lineno or node.lineno) + 1)
+    block: list[ast.stmt] | list[ast.match_case] = getattr(node, "cases", None) or getattr(node, "body", [])
+    inside = block[0].pattern if isinstance(block[0], ast.match_case) else block[0]
+    return range(node.lineno, max(node.lineno + 1, inside.lineno))
 
 
 def _changes(node: ast.stmt | ast.expr) -> Iterator[tuple[str, ast.AST]]:

@@ -55,38 +55,155 @@ def test_every_mutant_is_one_change_that_parses_and_no_text_is_changed(measured:
         assert changed == [each.line]
 
 
-def test_every_core_has_mutants(measured: Any) -> None:
-    cores = {each.core for each in measured.candidates(measured.CORES)}
-    assert cores == set(measured.CORES)
+CORE = """LIMIT = 3
+CACHED = []
 
 
-def test_a_study_continues_where_it_stopped_and_lists_survivors(
-    measured: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+def double(n: int) -> int:
+    while n > LIMIT:
+        n -= 1
+    return n * 2
+
+
+def cached() -> int:
+    if not CACHED:
+        CACHED.append(7)
+    return CACHED[0]
+
+
+def untested(n: int) -> int:
+    return n + 1
+"""
+CORE_TESTS = """import pytest
+from tiny.core.numbers import cached, double
+
+
+@pytest.fixture(scope="module")
+def doubled():
+    return double(3)
+
+
+def test_first_use():
+    assert cached() > 0
+
+
+def test_second_use():
+    assert cached() == 7
+
+
+def test_double(doubled):
+    assert doubled == 6
+"""
+
+
+@pytest.fixture
+def checkout(measured: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A checkout with one core of one file, and its tests."""
+    from measure import covering
+
+    root = tmp_path / "checkout"
+    package, tests = root / "ros2_ws" / "src" / "tiny", root / "tests" / "tiny" / "core"
+    (package / "tiny" / "core").mkdir(parents=True)
+    tests.mkdir(parents=True)
+    (root / "pyproject.toml").write_text('[tool.pytest.ini_options]\naddopts = "--import-mode=importlib"\n')
+    (package / "setup.py").touch()
+    (package / "tiny" / "core" / "numbers.py").write_text(CORE)
+    (tests / "test_numbers.py").write_text(CORE_TESTS)
+    monkeypatch.setattr(measured, "ROOT", root)
+    monkeypatch.setattr(covering, "ROOT", root)
+    monkeypatch.setattr(covering, "LEAST_S", 2.0)
+    monkeypatch.setattr(measured, "CORES", ("tiny",))
+    return root
+
+
+def test_a_mutant_is_noticed_by_the_tests_that_execute_its_line(
+    measured: Any, checkout: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Without pytest: every second mutant survives."""
-    tried: list[Any] = []
-
-    def run_tests(_place: Path, _core: str, first: list[str]) -> tuple[int, str, bool]:
-        tried.append(first)
-        return (0 if len(tried) % 2 else 1), "FAILED a test", True
-
-    monkeypatch.setattr(measured, "run_tests", run_tests)
-    monkeypatch.setattr(measured, "_check_unchanged", lambda *_: None)
-    words = ["--seed", "4", "--core", "fbql_common", "--out", str(tmp_path / "out.jsonl"), "--json"]
-    assert measured.main(["--runs", "4", *words]) == 0
-    assert (len(tried), len((tmp_path / "out.jsonl").read_text().splitlines())) == (4, 4)
-    with (tmp_path / "out.jsonl").open("a") as file:
+    out = checkout / "out.jsonl"
+    words = ["--seed", "4", "--out", str(out), "--json"]
+    assert measured.main(["--runs", "5", *words]) == 0
+    first = out.read_text()
+    assert len(first.splitlines()) == 5
+    with out.open("a") as file:
         file.write('{"cut off')
     capsys.readouterr()
-    assert measured.main(["--runs", "4", *words]) == 0
-    assert len(tried) == 4
-    assert measured.main(["--runs", "6", *words]) == 0
-    assert measured.main(["--runs", "6", *words]) == 0
-    assert len(tried) == 6, "what was cut off spoils no later line"
-    capsys.readouterr()
-    assert measured.main(["--runs", "4", *words]) == 0
+    assert measured.main(["--runs", "100", *words]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert (result["cores"]["fbql_common"]["killed"], result["cores"]["all"]["mutants"]) == (2, 4)
-    assert len(result["survivors"]) == 2
-    assert all("fbql_common/core/" in line and " -> " in line for line in result["survivors"])
+    rows = [json.loads(line) for line in out.read_text().splitlines() if not line.startswith('{"cut off')]
+    assert out.read_text().startswith(first), "what is known is not tried again"
+
+    tests = {(row["line"], row["before"], row["after"]): (row["tests"], row["noticed"]) for row in rows}
+    assert tests[1, "3", "2"] == (3, True), "a constant belongs to all that import it"
+    assert tests[1, "3", "4"] == (3, False)
+    assert tests[6, "n > LIMIT", "n >= LIMIT"] == (3, True), "a fixture of the module executes it for all"
+    assert tests[13, "7", "8"] == (1, True), "a cache hides the line from the test that notices"
+    assert tests[18, "n + 1", "n - 1"] == (0, False)
+    assert len(rows) == len(tests) == result["cores"]["tiny"]["tried"]
+    survivors = [row for row in rows if not row["noticed"]]
+    assert result["cores"]["all"]["survived"] == len(result["survivors"]) == len(survivors)
+    assert "ros2_ws/src/tiny/tiny/core/numbers.py:18: n + 1 -> n - 1" in result["survivors"]
+
+    path = checkout / "tests" / "tiny" / "core" / "test_numbers.py"
+    path.write_text(
+        path.read_text().replace("cached, double", "cached, double, untested")
+        + """
+
+def test_untested(): assert untested(1) == 2
+"""
+    )
+    source = checkout / "ros2_ws" / "src" / "tiny" / "tiny" / "core" / "numbers.py"
+    source.write_text("# a line more\n" + source.read_text())
+    assert measured.main(["--runs", "100", *words, "--again"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert "ros2_ws/src/tiny/tiny/core/numbers.py:19: n + 1 -> n - 1" not in result["survivors"]
+    assert len(result["survivors"]) == len(survivors) - 4, "all that were untested, though their lines moved"
+    assert len(out.read_text().splitlines()) == len(rows) + 1 + len(survivors)
+
+
+def test_a_mutant_that_never_ends_is_noticed(measured: Any, checkout: Path) -> None:
+    [endless] = [
+        each for each in measured.candidates(["tiny"]) if (each.mutant.before, each.mutant.after) == ("n -= 1", "pass")
+    ]
+    path = checkout / "tests" / "tiny" / "core" / "test_numbers.py"
+    path.write_text(path.read_text().replace("double(3)", "double(5)"))
+    [row] = measured.study([endless], checkout / "out.jsonl")
+    assert row["noticed"] and row["by"].endswith("did not end")
+
+
+def test_tests_that_fail_without_a_change_end_the_study(
+    measured: Any, checkout: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = checkout / "tests" / "tiny" / "core" / "test_numbers.py"
+    path.write_text(path.read_text().replace("== 7", "== 8"))
+    assert measured.main(["--runs", "1", "--out", str(checkout / "out.jsonl")]) == 2
+    assert "test_numbers.py::test_second_use does not pass without a change either" in capsys.readouterr().err
     assert measured.main(["--runs", "0"]) == 2
+
+
+def test_every_core_has_mutants_and_listed_equivalents_are_among_them(measured: Any) -> None:
+    found = measured.candidates(measured.CORES)
+    assert {each.core for each in found} == set(measured.CORES)
+    assert len({each.key for each in found}) == len(found)
+    known = measured.known_equivalents()
+    assert known.keys() <= {each.key for each in found}
+    assert all(known.values()), "each has a reason"
+
+
+def test_equivalents_are_not_counted_unless_a_test_notices_them(measured: Any) -> None:
+    row = {
+        "core": "fbql_sim",
+        "file": "f",
+        "line": 1,
+        "text": "a",
+        "column": 0,
+        "before": "1",
+        "after": "2",
+        "occurrence": 0,
+    }
+    others = [row | {"noticed": True, "text": "b"}, row | {"noticed": False, "text": "c"}]
+    equivalent = {("f", "a", 0, "1", "2", 0): "it is"}
+    spared = measured.summary([row | {"noticed": False}, *others], equivalent)["cores"]["all"]
+    assert (spared["tried"], spared["killed"], spared["equivalent"], spared["survived"]) == (3, 1, 1, 1)
+    assert spared["rate"] == 0.5
+    noticed = measured.summary([row | {"noticed": True}, *others], equivalent)["cores"]["all"]
+    assert (noticed["killed"], noticed["equivalent"]) == (2, 0)
