@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from fbql_behaviors.behavior_node import BehaviorNodeParameters
 from fbql_behaviors.core.induction import InductionParameters
 from fbql_common.core.parameters import Limits, defaults_of, limits_of, types_of
+from fbql_fusion.core.mux.parameters import LockParameters, MuxParameters, SourceParameters
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_sim.core.parameters import SimulationParameters
@@ -61,6 +62,9 @@ SECTIONS = (
         "have further ones.",
         FusionParameters,
     ),
+    Section("The mux", "Node `twist_mux`. [mux.md](mux.md) explains them.", MuxParameters),
+    Section("The sources of a mux", "Node `twist_mux`, as `topics.NAME.PARAMETER` for each source.", SourceParameters),
+    Section("The locks of a mux", "Node `twist_mux`, as `locks.NAME.PARAMETER` for each lock.", LockParameters),
     Section(
         "Induction of trees",
         "No node has these: they determine how a tree is made from demonstrations. The shipped trees differ from these "
@@ -86,7 +90,8 @@ def _section(section: Section) -> str:
         columns.insert(4, "used by")
     lines = [columns, ["---"] * len(columns)]
     for name, limits in names.items():
-        cells = [f"`{name}`", _KINDS[kinds[name]], _value(defaults[name]), _range(kinds[name], limits)]
+        default = "required" if limits.required else _value(defaults[name])
+        cells = [f"`{name}`", _KINDS[kinds[name]], default, _range(kinds[name], limits)]
         owners = [", ".join(f"`{owner}`" for owner in limits.owners) or "all"] if has_owners else []
         lines.append([*cells, *owners, _cell(limits.description)])
     head, ruler, *rows = ["| " + " | ".join(line) + " |\n" for line in lines]

@@ -124,7 +124,11 @@ class Bench:
         while not is_so():
             if monotonic() > deadline:
                 pytest.fail(f"waited {timeout_s:g} s for {what}; log:\n{self.said()}")
-            self._executor.spin_once(timeout_sec=0.02)
+            self.spin()
+
+    def spin(self) -> None:
+        """Spins for a moment."""
+        self._executor.spin_once(timeout_sec=0.02)
 
     def until_said(self, text: str, times: int = 1) -> None:
         """Spins until the nodes have logged a text `times` times."""

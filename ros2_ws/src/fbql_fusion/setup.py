@@ -25,5 +25,10 @@ setup(
     install_requires=["setuptools", "numpy"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
-    entry_points={"console_scripts": ["fusion = fbql_fusion.programs:fusion"]},
+    entry_points={
+        "console_scripts": [
+            "fusion = fbql_fusion.programs:fusion",
+            "twist_mux = fbql_fusion.programs:twist_mux",
+        ]
+    },
 )

@@ -1,4 +1,4 @@
-"""The executable of this package. It imports no ROS before `start` has looked at the environment."""
+"""The executables of this package. They import no ROS before `start` has looked at the environment."""
 
 from fbql_common.start import start
 
@@ -6,3 +6,8 @@ from fbql_common.start import start
 def fusion() -> int:
     """Runs the fusion node."""
     return start("fbql_fusion.fusion_node", "main")
+
+
+def twist_mux() -> int:
+    """Runs the mux node."""
+    return start("fbql_fusion.twist_mux_node", "main")

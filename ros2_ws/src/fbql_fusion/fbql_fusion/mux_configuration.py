@@ -1,0 +1,83 @@
+"""From the parameters of a mux node to its sources and locks, under the full names of their topics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+from fbql_common.core.errors import BadInput
+from fbql_common.core.text import one_line
+from fbql_common.declare import declare_all, declare_group
+from fbql_common.topics import MUX_OUTPUT
+from rclpy.exceptions import NameValidationException
+from rclpy.node import Node
+from rclpy.validate_topic_name import validate_topic_name
+
+from fbql_fusion.core.mux.config import HIGHEST, MuxConfig, mux_config
+from fbql_fusion.core.mux.parameters import LockParameters, MuxParameters, SourceParameters
+
+
+class MuxConfiguration(NamedTuple):
+    """What a mux node is made of."""
+
+    config: MuxConfig
+    stamped_output: bool
+    stamped_sources: frozenset[str]
+    """Names of the sources that send geometry_msgs/TwistStamped."""
+
+
+def configure_mux(node: Node) -> MuxConfiguration:
+    """Declares the parameters of a mux on its node, and reads them.
+
+    Raises:
+        BadInput: as declare_all and declare_group; no source; a topic that is none, that two sources share, or that is the
+            output.
+    """
+    where = node.get_fully_qualified_name()
+    (settings,) = declare_all(node, MuxParameters, groups={"topics": SourceParameters, "locks": LockParameters})
+    sources = declare_group(node, "topics", SourceParameters, stamped=settings.use_stamped)
+    locks = declare_group(node, "locks", LockParameters)
+    try:
+        config = mux_config(settings, _resolved(node, "topics", sources), _resolved(node, "locks", locks))
+        _refuse_a_loop(config, node.resolve_topic_name(MUX_OUTPUT))
+    except BadInput as error:
+        raise BadInput(f"{where}: {error}") from None
+    stamped = frozenset(name for name, source in sources.items() if source.stamped)
+    return MuxConfiguration(config, settings.use_stamped, stamped)
+
+
+def _resolved[P: (SourceParameters, LockParameters)](node: Node, prefix: str, entries: Mapping[str, P]) -> dict[str, P]:
+    found: dict[str, P] = {}
+    for name, entry in entries.items():
+        try:
+            validate_topic_name(entry.topic)
+        except NameValidationException as error:
+            why = " ".join(str(error).rstrip("^ \n").split())
+            raise BadInput(f"parameter '{prefix}.{name}.topic': {why}") from None
+        found[name] = replace(entry, topic=node.resolve_topic_name(entry.topic))
+    return found
+
+
+def _refuse_a_loop(config: MuxConfig, output: str) -> None:
+    for source in config.sources:
+        if source.topic == output:
+            raise BadInput(
+                f"topics.{source.name} is {output}, on which the mux publishes; remap {MUX_OUTPUT} or let the source "
+                "publish on another topic"
+            )
+
+
+def log_mux(node: Node, configuration: MuxConfiguration, output: str) -> None:
+    """Logs what the mux does, and what in its parameters is likely a mistake."""
+    config, logger = configuration.config, node.get_logger()
+    kind = "TwistStamped" if configuration.stamped_output else "Twist"
+    order = ", ".join(f"{source.name} ({source.priority})" for source in config.sources)
+    locks = ", ".join(f"{lock.name} ({lock.priority})" for lock in config.locks) or "none"
+    logger.info(one_line(f"{kind} on {output}; sources (priority): {order}; locks: {locks}"))
+    for entry in (*config.sources, *config.locks):
+        if not 0 <= entry.priority <= HIGHEST:
+            logger.warning(one_line(f"{entry.name}: priority {entry.priority} is limited to 0 to {HIGHEST}"))
+    for source in config.sources:
+        if source.priority <= 0:
+            logger.warning(one_line(f"{source.name}: a source of priority 0 never drives"))

@@ -1,0 +1,163 @@
+"""The mux node: velocity commands of several sources come in, those of the source that wins go out.
+
+Owns: the clock, who drives. Does not own: the rules (fbql_fusion.core.mux). Subscribes each
+`topics.NAME.topic` and `locks.NAME.topic`; publishes `cmd_vel_out`, `~/driver`, `/diagnostics`. Parameters: `MuxParameters`,
+`SourceParameters`, `LockParameters` (fbql_fusion.core.mux.parameters). A YAML file of twist_mux serves as it is (docs/mux.md).
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from time import monotonic_ns
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from fbql_common.core.text import one_line
+from fbql_common.core.twist import StampedTwist, Twist
+from fbql_common.inputs import Input
+from fbql_common.spin import GraphNode, spin
+from fbql_common.topics import (
+    COMMAND_QOS,
+    DIAGNOSTICS,
+    LATCHED_QOS,
+    MUX_DRIVER,
+    MUX_OUTPUT,
+    POSE_QOS,
+    SYSTEM_QOS,
+)
+from fbql_common.watch import steady_timer
+from fbql_common.wire import (
+    MESSAGES,
+    decode_flag,
+    decode_stamped_twist,
+    decode_twist,
+    encode_stamped_twist,
+    encode_twist,
+)
+from rclpy.logging import LoggingSeverity
+from std_msgs.msg import String
+
+from fbql_fusion.core.mux.mux import Mux
+from fbql_fusion.mux_configuration import configure_mux, log_mux
+from fbql_fusion.mux_status import diagnostics_of
+
+_LOOK_PERIOD_S = 0.05
+"""How often the node looks for what no message tells of: that a source or a lock has expired [s]."""
+_DIAGNOSTICS_PERIOD_S = 1.0
+_SAY_PERIOD_NS = 1_000_000_000
+"""Shortest time between two lines of the log about who drives [ns]."""
+_NOBODY = ""
+
+
+class TwistMuxNode(GraphNode):
+    """A mux as a node."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("twist_mux", **options)
+        configured = configure_mux(self)
+        config = configured.config
+        self._mux = Mux(config)
+        self._stamped = configured.stamped_output
+        self._frame = ""
+        """The frame of the last stamped command that was passed on."""
+        self._has_sim_time = self.get_clock().ros_time_is_active
+        self._driver = self._said_driver = _NOBODY
+        self._said_ns = -_SAY_PERIOD_NS
+        self._says_each = self.get_logger().is_enabled_for(LoggingSeverity.DEBUG)
+
+        self._publisher = self.create_publisher(
+            MESSAGES[StampedTwist if self._stamped else Twist], MUX_OUTPUT, COMMAND_QOS
+        )
+        self._driver_publisher = self.create_publisher(String, MUX_DRIVER, LATCHED_QOS)
+        self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, POSE_QOS)
+        self._locks = [
+            Input(self, bool, lock.topic, decode_flag, partial(self._on_lock, index), SYSTEM_QOS)
+            for index, lock in enumerate(config.locks)
+        ]
+        self._sources = [
+            Input(self, StampedTwist, source.topic, decode_stamped_twist, partial(self._on_stamped, index), SYSTEM_QOS)
+            if source.name in configured.stamped_sources
+            else Input(self, Twist, source.topic, decode_twist, partial(self._on_twist, index), SYSTEM_QOS)
+            for index, source in enumerate(config.sources)
+        ]
+        self._checked = 0
+        self._look_timer = steady_timer(self, _LOOK_PERIOD_S, self._look)
+        self._diagnostics_timer = steady_timer(self, _DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
+        self._publish_driver()
+        log_mux(self, configured, self._publisher.topic_name)
+
+    # Messages
+
+    def _now_ns(self) -> int:
+        """The time that ages are counted in: simulated time, or the steady clock, which nobody sets."""
+        return self.get_clock().now().nanoseconds if self._has_sim_time else monotonic_ns()
+
+    def _on_twist(self, index: int, twist: Twist, data: bytes) -> None:
+        if self._hear(index, twist):
+            self._publisher.publish(self._stamp(twist) if self._stamped else data)
+
+    def _on_stamped(self, index: int, stamped: StampedTwist, data: bytes) -> None:
+        if self._hear(index, stamped.twist):
+            self._frame = stamped.frame
+            self._publisher.publish(data if self._stamped else encode_twist(stamped.twist))
+
+    def _hear(self, index: int, twist: Twist) -> bool:
+        now_ns = self._now_ns()
+        passed = self._mux.hear(index, twist, now_ns)
+        if passed:
+            self._note_driver(self._mux.config.sources[index].name)
+        if self._says_each:
+            name, what = self._mux.config.sources[index].name, "passed on" if passed else "not passed on"
+            self.get_logger().debug(one_line(f"{name}: {what}, received at {now_ns}, {twist.linear_x_m_s!r} m/s"))
+        return passed
+
+    def _on_lock(self, index: int, on: bool, _data: bytes) -> None:
+        now_ns = self._now_ns()
+        self._mux.hear_lock(index, on, now_ns)
+        self._stop_if_locked(now_ns)
+        if self._says_each:
+            name = self._mux.config.locks[index].name
+            self.get_logger().debug(one_line(f"{name}: {'on' if on else 'off'}, received at {now_ns}"))
+
+    def _stamp(self, twist: Twist) -> bytes:
+        """A command that came, or comes, without a header."""
+        return encode_stamped_twist(StampedTwist(self.get_clock().now().nanoseconds, self._frame, twist))
+
+    def _stop_if_locked(self, now_ns: int) -> None:
+        if self._mux.zero_due(now_ns):
+            self._publisher.publish(self._stamp(Twist()) if self._stamped else encode_twist(Twist()))
+
+    # Who drives
+
+    def _look(self) -> None:
+        now_ns = self._now_ns()
+        self._stop_if_locked(now_ns)
+        if self._mux.driver(now_ns) is None:
+            self._note_driver(_NOBODY)
+        if self._driver != self._said_driver and monotonic_ns() - self._said_ns >= _SAY_PERIOD_NS:
+            self._said_ns, self._said_driver = monotonic_ns(), self._driver
+            self.get_logger().info(one_line(f"{self._driver or 'nobody'} drives"))
+
+    def _note_driver(self, name: str) -> None:
+        if name != self._driver:
+            self._driver = name
+            self._publish_driver()
+
+    def _publish_driver(self) -> None:
+        self._driver_publisher.publish(String(data=self._driver))
+
+    def _publish_diagnostics(self) -> None:
+        dropped = [each.dropped for each in self._sources]
+        snapshot = self._mux.snapshot(self._now_ns())
+        self._diagnostics.publish(diagnostics_of(self.get_name(), snapshot, dropped, self.get_clock().now().to_msg()))
+        # One at a time: it takes long enough to be seen in the latency of commands.
+        inputs = [*self._sources, *self._locks]
+        each = inputs[self._checked % len(inputs)]
+        self._checked += 1
+        if each.publishers() == 0:
+            each.check_types()
+
+
+def main() -> int:
+    """Runs the mux node."""
+    return spin([TwistMuxNode])
