@@ -18,9 +18,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from fbql_common.core.errors import BadInput
+
+from measure.rows import appended_rows, read_rows
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = Path("ros2_ws") / "src"
@@ -92,7 +94,7 @@ class Suite:
         are in the file `known`; appends what is new. Raises BadInput if a test fails."""
         common = _digest([*(self.place / SOURCES).rglob("*.py"), *(self.place / "tests" / "helpers").rglob("*.py")])
         answers = {row["digest"]: row["tests"] for row in read_rows(known)}
-        with append_to(known) as file:
+        with appended_rows(known) as append:
             for number, path in enumerate(paths, start=1):
                 digest = f"{path} {common} {_digest([self.place / path])}"
                 if digest not in answers:
@@ -101,7 +103,7 @@ class Suite:
                     if answer["code"] not in (PASSED, NO_TESTS):
                         raise BadInput(f"{answer['failed'] or path} does not pass without a change either")
                     answers[digest] = answer["tests"]
-                    print(json.dumps({"digest": digest, "tests": answer["tests"]}), file=file, flush=True)
+                    append({"digest": digest, "tests": answer["tests"]})
                 self.modules.append(_module(path, answers[digest]))
         if not any(module.lines[SHARED] for module in self.modules):
             raise BadInput("the tests import no package of the private copy")
@@ -162,28 +164,6 @@ def _module(path: str, tests: Mapping[str, Mapping[str, Any]]) -> Module:
 def _digest(paths: Iterable[Path]) -> str:
     """Of the contents of the files."""
     return sha256(b"".join(sha256(path.read_bytes()).digest() for path in sorted(paths))).hexdigest()
-
-
-def read_rows(path: Path) -> list[dict[str, Any]]:
-    """The rows of a file of JSON lines; one that was cut off is left out."""
-    rows: list[dict[str, Any]] = []
-    if path.exists():
-        for line in path.read_text().splitlines():
-            try:
-                rows.append(json.loads(line))
-            except ValueError:
-                continue
-    return rows
-
-
-@contextmanager
-def append_to(path: Path) -> Iterator[TextIO]:
-    """A file of lines, to which lines are appended: not to one that was cut off."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a") as file:
-        if file.tell() and not path.read_bytes().endswith(b"\n"):
-            file.write("\n")
-        yield file
 
 
 def mirror(file: str) -> str:

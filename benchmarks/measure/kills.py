@@ -34,6 +34,8 @@ from time import monotonic, sleep
 from typing import Any, NamedTuple
 
 import numpy as np
+from fbql.cli.app import reporting
+from fbql.cli.output import print_result, set_program
 from fbql.cli.parser import Parser
 from fbql.graph.observer import CommandNode
 from fbql.replay.recomputation import RecordedBehaviors, recorded_parameters, recorded_policy, recorded_trees
@@ -48,7 +50,9 @@ from fbql_recording.recovery.recover import recover
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from measure.graph import MODES, ROOT
+from measure.rows import appended_rows, read_rows
 
+PROGRAM = "kills.py"
 LAUNCHER = "bringup"
 NODES = ("simulator", "ball_seeking", "wall_avoiding", "approaching", "fusion")
 TARGETS = {"many": (LAUNCHER, *NODES), "one": (LAUNCHER, "all nodes")}
@@ -306,34 +310,37 @@ def table(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 def main(argv: Sequence[str]) -> int:
     """Runs the study. Returns the exit code: 1 if there was a fault."""
+    set_program(PROGRAM)
     arguments = _arguments(argv)
-    rows = [json.loads(line) for line in arguments.out.read_text().splitlines()] if arguments.out.exists() else []
-    rows = [row for row in rows if row["number"] < arguments.runs]
+    return reporting(lambda: _run(arguments))
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    rows = [row for row in read_rows(arguments.out) if row["number"] < arguments.runs]
     done = {row["number"] for row in rows}
-    with arguments.out.open("a", buffering=1) as file:
+    with appended_rows(arguments.out) as append:
         for number in range(arguments.runs):
             if number in done:
                 continue
             row = run_once(plan(arguments.seed, number))
-            file.write(f"{json.dumps(row)}\n")
+            append(row)
             rows.append(row)
             words = "; ".join(row["faults"]) or "well"
             what = f"{row['signal']} to {row['target']} ({row['processes']}, {row['controller']}, {row['phase']})"
             print(f"{number + 1}/{arguments.runs} {what}: {words}", file=sys.stderr, flush=True)
     faults = [row for row in rows if row["faults"]]
     if arguments.json:
-        print(json.dumps({"runs": len(rows), "faults": len(faults), "table": table(rows)}))
+        print_result(json.dumps({"runs": len(rows), "faults": len(faults), "table": table(rows)}))
     else:
         lines = table(rows)
-        print(f"| {' | '.join(lines[0])} |\n|{'---|' * len(lines[0])}" if lines else "")
-        for line in lines:
-            print(f"| {' | '.join(str(value) for value in line.values())} |")
-        print(f"\n{len(rows)} runs, {len(faults)} with a fault")
+        words = [f"| {' | '.join(lines[0])} |", f"|{'---|' * len(lines[0])}"] if lines else []
+        words += [f"| {' | '.join(str(value) for value in line.values())} |" for line in lines]
+        print_result("\n".join([*words, "", f"{len(rows)} runs, {len(faults)} with a fault"]))
     return 1 if faults else 0
 
 
 def _arguments(argv: Sequence[str]) -> argparse.Namespace:
-    parser = Parser(prog="kills.py", description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = Parser(prog=PROGRAM, description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--runs", type=int, default=20, metavar="N", help="number of bring-ups (20)")
     parser.add_argument("--seed", type=int, default=1, metavar="S", help="seed of all that is random (1)")
     parser.add_argument(

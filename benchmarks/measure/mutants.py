@@ -29,8 +29,9 @@ from fbql.cli.parser import Parser
 from fbql.statistics.inference import wilson_interval
 from fbql_common.core.errors import BadInput
 
-from measure.covering import ROOT, SOURCES, Suite, append_to, private_suite, read_rows
+from measure.covering import ROOT, SOURCES, Suite, private_suite
 from measure.mutation import Mutant, mutants_of
+from measure.rows import appended_rows, read_rows
 
 PROGRAM = "mutants.py"
 CORES = ("fbql_sim", "fbql_behaviors", "fbql_fusion", "fbql_common", "fbql_recording")
@@ -132,12 +133,12 @@ def study(
     done = {_key(row): row for row in read_rows(out)}
     todo = [each for each in chosen if each.key not in done or (again and not done[each.key]["noticed"])]
     if todo:
-        with private_suite() as suite, append_to(out) as file:
+        with private_suite() as suite, appended_rows(out) as append:
             suite.run_unchanged(test_modules(), out.with_name(COVERAGE), _tell)
             for number, each in enumerate(todo, start=1):
                 row = tried(suite, each, budget_s)
                 done[each.key] = row
-                print(json.dumps(row), file=file, flush=True)
+                append(row)
                 word = "noticed" if row["noticed"] else "SURVIVED"
                 _tell(f"{number}/{len(todo)} {word} {_words(row)} ({row['seconds']} s)")
     return [done[each.key] for each in chosen]

@@ -36,7 +36,7 @@ def demonstrations() -> list[Demonstration]:
 @pytest.fixture(scope="module")
 def recording(demonstrations: list[Demonstration], tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("demonstrations") / "walls"
-    assert save_demonstrations(directory, BEHAVIOR, demonstrations, {"seed": 3})
+    save_demonstrations(directory, BEHAVIOR, demonstrations, {"seed": 3})
     return directory
 
 

@@ -157,6 +157,20 @@ def test_a_tree_file_that_is_missing_is_named(tmp_path):
 # A disk that is full
 
 
+@pytest.mark.parametrize("size", [10, 1000, 40_000])
+def test_a_run_that_cannot_begin_leaves_its_directory_as_it_was(tmp_path, size):
+    """At a tree, at the configuration, at the room for the summary."""
+    create_run_directory(tmp_path / "run")
+    tree = tmp_path / "tree.json"
+    tree.write_text("x" * 500)
+    with (
+        largest_file(size),
+        pytest.raises(BadInput, match=r"can't begin the run \(File too large\); make room there, or"),
+    ):
+        RunDirectory(tmp_path / "run", {"config": "y" * 2000}, [tree], Reports())
+    assert sorted(path.name for path in (tmp_path / "run").rglob("*")) == ["log", "trees"]
+
+
 def test_a_full_disk_is_reported_once_leaves_whole_rows_and_is_incomplete(tmp_path):
     reports = Reports()
     create_run_directory(tmp_path / "run")

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from fbql.statistics.tables import Row, Table
 from fbql_common.core.errors import BadInput
+from fbql_common.files import write_atomically
 from fbql_studies.runner.study import Result, StudyTask
 
 DESCRIPTION = "a study for tests"
@@ -71,7 +72,7 @@ def words(rows: Sequence[Row]) -> dict[str, Table]:
 def figures(_results: Mapping[str, Result], directory: Path) -> list[Path]:
     """A file, as if it were drawn."""
     path = directory / "figure.svg"
-    path.write_text("<svg/>")
+    write_atomically(path, b"<svg/>")
     return [path]
 
 

@@ -43,8 +43,16 @@ def command(monkeypatch: pytest.MonkeyPatch) -> Callable[[BaseException | int], 
         (BadInput("x is bad"), 2, "fbql thing: x is bad\n"),
         (Interrupted("ended by SIGTERM"), 1, "fbql thing: ended by SIGTERM\n"),
         (KeyboardInterrupt(), 130, "fbql thing: interrupted\n"),
-        (Unwritable(Path("out"), OSError(errno.ENOSPC, "full")), 1, "fbql thing: out: cannot be written (full)\n"),
-        (Unwritable(Path("out"), OSError(errno.EACCES, "no")), 2, "fbql thing: out: cannot be written (no)\n"),
+        (
+            Unwritable(Path("out"), OSError(errno.ENOSPC, "full")),
+            1,
+            "fbql thing: out: cannot be written (full); make room there, or choose another place\n",
+        ),
+        (
+            Unwritable(Path("out"), OSError(errno.EACCES, "no")),
+            2,
+            "fbql thing: out: cannot be written (no); choose another place\n",
+        ),
     ],
 )
 def test_every_ending_is_an_exit_code_and_at_most_one_line(

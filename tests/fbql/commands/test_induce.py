@@ -215,7 +215,10 @@ def test_a_page_that_cannot_be_written_is_said(capsys: pytest.CaptureFixture[str
     (tmp_path / "there").mkdir()
     words = ["ball_seeking", *FEW, "--out", str(tmp_path / "tree.json"), "--report", str(tmp_path / "there")]
     assert induce(words) == 2
-    assert f"induce.py: {tmp_path}/there: cannot be written (Is a directory)\n" in capsys.readouterr().err
+    assert (
+        f"induce.py: {tmp_path}/there: cannot be written (Is a directory); choose another place\n"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_tree_that_cannot_be_written_is_refused_by_the_name_that_was_given(
@@ -224,7 +227,7 @@ def test_a_tree_that_cannot_be_written_is_refused_by_the_name_that_was_given(
     (tmp_path / "file").touch()
     for path, reason in ((tmp_path / "file" / "x.json", "Not a directory"), (tmp_path, "Is a directory")):
         line = refused(capsys, "ball_seeking", *FEW, "--out", str(path))
-        assert line == f"induce.py: {path}: cannot be written ({reason})"
+        assert line == f"induce.py: {path}: cannot be written ({reason}); choose another place"
 
 
 def test_a_tree_that_is_replaced_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -167,7 +167,10 @@ def test_a_disk_that_is_full_is_one_line_and_leaves_nothing(killed, start, tmp_p
     command = start(str(killed), "--out", str(tmp_path / "new"), script="recover.py", before=limit, out=False)
     assert command.exit_code() == 1
     new = tmp_path / "new"
-    assert command.stderr == f"recover.py: {new}: cannot be written (File too large); nothing was written\n"
+    assert (
+        command.stderr
+        == f"recover.py: {new}: cannot be written (File too large); nothing was written; make room there, or choose another place\n"
+    )
     assert not new.exists()
 
 
@@ -189,6 +192,6 @@ def test_a_write_error_of_any_kind_names_the_new_directory(killed, tmp_path, cap
     new = tmp_path / "new"
     assert recover([str(killed), "--out", str(new)]) == 1
     assert capsys.readouterr().err == (
-        f"recover.py: {new}: cannot be written (Read-only file system); nothing was written\n"
+        f"recover.py: {new}: cannot be written (Read-only file system); nothing was written; choose another place\n"
     )
     assert not new.exists()

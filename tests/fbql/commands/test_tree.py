@@ -163,12 +163,18 @@ def test_a_file_that_cannot_be_written_is_refused_by_the_name_that_was_given(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     assert run("export", WALL, "--to", "c", "--out", tmp_path) == 2
-    assert capsys.readouterr().err == f"tree.py: {tmp_path}: cannot be written (Is a directory)\n"
+    assert capsys.readouterr().err == f"tree.py: {tmp_path}: cannot be written (Is a directory); choose another place\n"
     path = tmp_path / "missing" / "tree.json"
     assert run("import", arrays(tmp_path), "--behavior", "ball_seeking", "--out", path) == 2
-    assert capsys.readouterr().err == f"tree.py: {path}: cannot be written (No such file or directory)\n"
+    assert (
+        capsys.readouterr().err
+        == f"tree.py: {path}: cannot be written (No such file or directory); choose another place\n"
+    )
 
 
 def test_a_full_disk_is_a_failure_and_no_bad_input(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("export", WALL, "--to", "c", "--out", "/dev/full") == 1
-    assert capsys.readouterr().err == "tree.py: /dev/full: cannot be written (No space left on device)\n"
+    assert (
+        capsys.readouterr().err
+        == "tree.py: /dev/full: cannot be written (No space left on device); make room there, or choose another place\n"
+    )

@@ -20,6 +20,7 @@ from fbql_behaviors.core.patterns import Demonstration
 from fbql_behaviors.demonstration_storage import load_demonstrations, load_recordings
 from fbql_common.core.errors import BadInput
 from fbql_sim.core.parameters import SimulationParameters
+from file_limit import largest_file
 
 BEHAVIOR, SEED, COUNT, STEPS = "approaching", 3, 4, 25
 
@@ -256,11 +257,24 @@ def test_a_sitting_without_a_demonstration_leaves_nothing(kept: list[Kept], tmp_
     assert list(tmp_path.iterdir()) == []
 
 
-def test_where_the_recording_fails_the_copies_stay(
-    kept: list[Kept], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_the_recording_fails_the_copies_stay(kept: list[Kept], tmp_path: Path) -> None:
+    directory = tmp_path / "sitting"
+    keeping = safekeeping(directory)
+    for each in kept:
+        assert keeping.keep(each) is None
+    reports: list[str] = []
+    with largest_file(max(path.stat().st_size for path in directory.rglob("*.mcap")) + 200):
+        assert not keeping.finish(kept, reports.append)
+    (line,) = reports
+    assert line == f"{directory}: cannot be written (File too large); what was kept is in {UNFINISHED} there"
+    assert [path.name for path in directory.iterdir()] == [UNFINISHED]
+    assert len(load_demonstrations(directory / UNFINISHED, BEHAVIOR)) == len(kept)
+
+
+def test_a_copy_that_does_not_fit_is_said_and_leaves_nothing(kept: list[Kept], tmp_path: Path) -> None:
     keeping = safekeeping(tmp_path / "sitting")
-    keeping.keep(kept[0])
-    monkeypatch.setattr("fbql.keyboard.sitting.write_demonstrations", lambda *_: False)
-    assert not keeping.finish(kept[:1])
-    assert len(load_demonstrations(tmp_path / "sitting" / UNFINISHED, BEHAVIOR)) == 1
+    with largest_file(9000):
+        said = keeping.keep(kept[0])
+    assert said is not None
+    assert "File too large); make room there" in said
+    assert list(tmp_path.rglob("*.mcap*")) == []

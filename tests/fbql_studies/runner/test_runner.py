@@ -256,7 +256,7 @@ def test_a_config_that_cannot_be_written_is_one_line(
     monkeypatch.setattr("fbql_studies.runner.store.write_atomically", lambda _path, _data: (_ for _ in ()).throw(full))
     assert main(arguments(tmp_path, "--seeds", "2")) == 2
     error = capsys.readouterr().err
-    assert "config.json: can't be used ([Errno 28] No space left on device)" in error
+    assert "out: can't be used for a study (No space left on device); make room there" in error
     assert error.count("\n") == 1
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -22,7 +23,7 @@ from fbql_common.core.recording_names import (
     TREES,
 )
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
-from fbql_common.files import read_file
+from fbql_common.files import read_file, remedy, removed_on_failure
 from fbql_common.own_code import split_source
 from fbql_common.topics import DECISION, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.wire import type_name
@@ -70,12 +71,21 @@ class RunRecorder:
         self._session = session
         self._closed = False
         self._begun_s: float | None = None
-        self.path = _directory(parameters, session)
+        self.path, is_new = _directory(parameters, session)
+        with removed_on_failure(self.path) if is_new else nullcontext():
+            self._begin(parameters, resolve, report)
+
+    def _begin(
+        self, parameters: FusionNodeParameters, resolve: Callable[[str], str], report: Callable[[str], None]
+    ) -> None:
+        session = self._session
         tree_files = [Path(file) for file in parameters.tree_files]
         config = _config(parameters, session, parameters.config_file)
         self._directory = RunDirectory(self.path, config, tree_files, report)
         self._recorder: Recorder | None = None
-        if parameters.record:
+        if not parameters.record:
+            return
+        try:
             attachments = [Attachment(CONFIG, _YAML, (self.path / "config.yaml").read_bytes())]
             attachments += [Attachment(f"{TREES}{file.name}", _JSON, file.read_bytes()) for file in tree_files]
             attachments += _own_code(config)
@@ -84,6 +94,9 @@ class RunRecorder:
             self._recorder = Recorder(
                 self.path, _channels(session.behaviors, resolve), custom_data(config), attachments, report
             )
+        except BadInput:
+            self._directory.discard()
+            raise
 
     def record(self, stamp_ns: int, world: bytes, outputs: Sequence[bytes], command: bytes, decision: bytes) -> None:
         """Records the messages of one step, always in the same order."""
@@ -158,19 +171,23 @@ class RunRecorder:
         return INCOMPLETE if self.incomplete else DONE
 
 
-def _directory(parameters: FusionNodeParameters, session: Session) -> Path:
+def _directory(parameters: FusionNodeParameters, session: Session) -> tuple[Path, bool]:
+    """The run directory, and whether it was made here."""
     if parameters.run_directory:
         path = Path(parameters.run_directory).absolute()
-        if not path.exists():
+        is_new = not path.exists()
+        if is_new:
             create_run_directory(path)
-        return path
+        return path, is_new
     fusion = session.parameters
     runs = Path.cwd() / "runs"
     try:
         runs.mkdir(exist_ok=True)
     except OSError as error:
-        raise BadInput(f"{runs}: can't be created ({error.strerror}); set the parameter run_directory") from None
-    return create_next_run_directory(runs, f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}")
+        raise BadInput(
+            f"{runs}: can't be created ({error.strerror}); {remedy(error)}: parameter run_directory"
+        ) from None
+    return create_next_run_directory(runs, f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"), True
 
 
 def _config(parameters: FusionNodeParameters, session: Session, launcher_file: str) -> dict[str, Any]:

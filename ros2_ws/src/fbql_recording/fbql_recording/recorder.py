@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import BAG_RECORD, RUN_RECORD
-from fbql_common.files import write_atomically
+from fbql_common.files import remedy, write_atomically
 
 from fbql_recording.bag_metadata import BagTopic, Qos, bag_information, qos_profiles, to_yaml
 from fbql_recording.mcap.writer import McapWriter, WriterChannel
@@ -109,8 +109,8 @@ class Recorder:
         """The finished file."""
         self.active_path = self.path.with_name(self.path.name + ".active")
         """The file while it is written."""
-        self.failed = False
-        """Whether something could not be recorded."""
+        self.failure: OSError | None = None
+        """Why something could not be recorded."""
         self._channels = tuple(channels)
         self._custom_data = dict(custom_data)
         self._report = report
@@ -122,9 +122,7 @@ class Recorder:
         try:
             self._fd = os.open(self.active_path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         except OSError as error:
-            raise BadInput(
-                f"{self.active_path}: can't record there ({error.strerror}); choose another directory"
-            ) from None
+            raise BadInput(f"{self.active_path}: can't record there ({error.strerror}); {remedy(error)}") from None
         try:
             self._writer = McapWriter(
                 self._put,
@@ -148,7 +146,12 @@ class Recorder:
         except OSError as error:
             os.close(self._fd)
             self.active_path.unlink(missing_ok=True)
-            raise BadInput(f"{self.active_path}: can't record there ({error.strerror}); make room") from None
+            raise BadInput(f"{self.active_path}: can't record there ({error.strerror}); {remedy(error)}") from None
+
+    @property
+    def failed(self) -> bool:
+        """Whether something could not be recorded."""
+        return self.failure is not None
 
     @property
     def messages(self) -> int:
@@ -231,7 +234,7 @@ class Recorder:
 
     def _fail(self, error: OSError) -> None:
         """Latches the failure, and cuts off the part of a record that may have been written."""
-        self.failed = True
+        self.failure = error
         # Where even that fails a torn record stays at the end, which is what recovery is made for.
         with suppress(OSError):
             os.ftruncate(self._fd, self._size)

@@ -16,7 +16,6 @@ import itertools
 import json
 import os
 import platform
-import shutil
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -25,7 +24,7 @@ from typing import Any
 
 from fbql_common.checkout import source_tree
 from fbql_common.core.errors import BadInput
-from fbql_common.files import check_output, write_atomically
+from fbql_common.files import append_whole, check_output, remedy, write_atomically
 
 from fbql_recording.bag_metadata import to_yaml
 from fbql_recording.core.metrics import EpisodeRecord, Summary
@@ -55,7 +54,7 @@ def create_run_directory(path: Path) -> None:
     except OSError as error:
         for directory in reversed(made):
             directory.rmdir()
-        raise BadInput(f"{path}: can't create the run directory ({error.strerror}); choose another place") from None
+        raise BadInput(f"{path}: can't create the run directory ({error.strerror}); {remedy(error)}") from None
 
 
 def create_next_run_directory(runs: Path, name: str) -> Path:
@@ -87,7 +86,8 @@ class RunDirectory:
         report: called once, with one line, when something could not be written.
 
     Raises:
-        BadInput: the directory is missing, was used already, or can't be written to; a tree file can't be copied.
+        BadInput: the directory is missing, was used already, or can't be written to, and is as it was; a tree file can't
+            be copied.
     """
 
     def __init__(
@@ -97,25 +97,44 @@ class RunDirectory:
         self.failed = False
         """Whether something could not be written, so that the run is incomplete."""
         self._report = report
-        self._size = 0
+        self._made: list[Path] = []
+        """What `discard` removes."""
+        self._episodes = -1
+        self._room = path / ".room_for_the_summary"
         if not path.is_dir():
             raise BadInput(f"{path}: no such run directory; make it with create_run_directory")
         if (path / "config.yaml").exists():
             raise BadInput(f"{path} already holds a run; a run is never overwritten, choose another directory")
         try:
-            (path / "trees").mkdir(exist_ok=True)
-            for tree_file in tree_files:
-                shutil.copyfile(tree_file, path / "trees" / tree_file.name)
-            write_atomically(path / "config.yaml", to_yaml(dict(config)).encode())
-            self._episodes = os.open(path / "episodes.csv", os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
-            self._append(",".join(EPISODE_COLUMNS) + "\n")
-            self._room = path / ".room_for_the_summary"
-            self._room.write_bytes(bytes(ROOM_BYTES))
+            self._begin(config, tree_files)
         except OSError as error:
+            self.discard()
             where = error.filename or path
-            raise BadInput(f"{where}: can't begin the run ({error.strerror}); choose another place") from None
+            raise BadInput(f"{where}: can't begin the run ({error.strerror}); {remedy(error)}") from None
         except UnicodeEncodeError:
+            self.discard()
             raise BadInput(f"{path}: can't begin the run: the path of a file that it uses is not UTF-8") from None
+
+    def _begin(self, config: Mapping[str, Any], tree_files: Sequence[Path]) -> None:
+        path = self.path
+        (path / "trees").mkdir(exist_ok=True)
+        for tree_file in tree_files:
+            self._made.append(path / "trees" / tree_file.name)
+            write_atomically(self._made[-1], tree_file.read_bytes())
+        self._made.append(path / "config.yaml")
+        write_atomically(self._made[-1], to_yaml(dict(config)).encode())
+        self._episodes = os.open(path / "episodes.csv", os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        self._made.append(path / "episodes.csv")
+        append_whole(self._episodes, f"{','.join(EPISODE_COLUMNS)}\n".encode())
+        self._made.append(self._room)
+        write_atomically(self._room, bytes(ROOM_BYTES))
+
+    def discard(self) -> None:
+        """Removes everything that was written, of a run that could not begin."""
+        self.close()
+        for path in self._made:
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
 
     def add_episode(self, record: EpisodeRecord) -> None:
         """Adds a row to episodes.csv and passes it to the operating system."""
@@ -130,7 +149,8 @@ class RunDirectory:
             record.return_,
         )
         if not self.failed:
-            self._guarded("episodes.csv", lambda: self._append(",".join(map(str, values)) + "\n"))
+            row = f"{','.join(map(str, values))}\n".encode()
+            self._guarded("episodes.csv", lambda: append_whole(self._episodes, row))
 
     def write_policy(self, content: Callable[[], bytes | None]) -> bytes | None:
         """Writes policy.npz, completely or not at all. Returns what was written: None if there is nothing to write.
@@ -160,19 +180,6 @@ class RunDirectory:
             os.close(self._episodes)
             self._episodes = -1
             self._room.unlink(missing_ok=True)
-
-    def _append(self, line: str) -> None:
-        data = line.encode()
-        rest = memoryview(data)
-        try:
-            while rest:
-                rest = rest[os.write(self._episodes, rest) :]
-        except OSError:
-            # Half a row would be read as a whole one.
-            with suppress(OSError):
-                os.ftruncate(self._episodes, self._size)
-            raise
-        self._size += len(data)
 
     def _guarded[T](self, name: str, write: Callable[[], T]) -> T | None:
         """Writes, and gives what `write` gives; a failure is latched and reported the first time, never raised."""

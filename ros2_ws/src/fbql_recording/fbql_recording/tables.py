@@ -13,12 +13,13 @@ from dataclasses import fields
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from fbql_common.core.errors import BadInput
 from fbql_common.core.plain_json import json_from
 from fbql_common.core.recording_names import TREES
+from fbql_common.files import DISK_FAILURES, atomic_file, atomic_text, remedy
 
 from fbql_recording.core.columns import Columns, blocks_of, flat
 from fbql_recording.core.episodes import Episode
@@ -51,6 +52,7 @@ def write_steps(run: Run, *paths: Path, progress: Callable[[int], None] = lambda
 
     Raises:
         BadInput: another kind of file, it can't be written, or Parquet without pyarrow; `Corrupt`.
+        OSError: the disk is full or fails; the file, which is its `filename`, is left as it was.
     """
     features = _features(run)
     blocks = (_named(flat(block, run.behaviors), features) for block in _blocks(run))
@@ -140,13 +142,15 @@ def _writer(path: Path) -> Iterator[Any]:
         raise BadInput(f"{path}: write .csv or .parquet")
     try:
         if path.suffix == ".csv":
-            with path.open("w", newline="") as file:
+            with atomic_text(path) as file:
                 yield _Csv(file).write
         else:
-            with _Parquet(path) as parquet:
+            with atomic_file(path) as file, _Parquet(file) as parquet:
                 yield parquet.write
     except OSError as error:
-        raise BadInput(f"{path}: can't be written ({error.strerror or error})") from None
+        if error.errno in DISK_FAILURES:
+            raise
+        raise BadInput(f"{path}: can't be written ({error.strerror or error}); {remedy(error)}") from None
 
 
 class _Csv:
@@ -164,10 +168,10 @@ class _Csv:
 
 
 class _Parquet:
-    def __init__(self, path: Path) -> None:
+    def __init__(self, file: BinaryIO) -> None:
         self._arrow = _optional("pyarrow")
         self._parquet = import_module("pyarrow.parquet")
-        self._path = path
+        self._file = file
         self._writer: Any = None
 
     def __enter__(self) -> _Parquet:
@@ -180,7 +184,7 @@ class _Parquet:
     def write(self, columns: Columns | dict[str, list[Any]]) -> None:
         table = self._arrow.table(dict(columns))
         if self._writer is None:
-            self._writer = self._parquet.ParquetWriter(self._path, table.schema, compression="zstd")
+            self._writer = self._parquet.ParquetWriter(self._file, table.schema, compression="zstd")
         self._writer.write_table(table)
 
 

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fbql_common.core.errors import BadInput
+from fbql_common.files import DISK_FAILURES
 
 from fbql.cli.exit_codes import BAD_INPUT, DONE, FAILED, INTERRUPTED
 from fbql.cli.interrupts import Interrupted, Interrupts
@@ -113,10 +114,14 @@ def reporting(work: Callable[[], int]) -> int:
         return error.exit_code
     except OSError as error:
         # A file that nothing else expected to fail: the system says which and why.
+        if error.errno in DISK_FAILURES:
+            error = Unwritable(os.fsdecode(error.filename or "a file"), error)
+            complain(error)
+            return error.exit_code
         if error.filename is None:
             raise
         complain(f"{os.fsdecode(error.filename)}: {error.strerror}")
-        return Unwritable(error.filename, error).exit_code
+        return BAD_INPUT
     except Interrupted as error:
         complain(error)
         return FAILED

@@ -16,13 +16,12 @@ from time import monotonic
 from typing import TextIO
 
 from fbql_common.core.text import as_lines, one_line
+from fbql_common.files import DISK_FAILURES, remedy
 
 from fbql.cli.exit_codes import BAD_INPUT, FAILED
 
 _PERIOD_S = 0.1
 _UNKNOWN_WIDTH = 80
-_DISK_FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""The path is right, but the disk is full or fails: the same command may succeed later."""
 
 _program = "fbql"
 _results: TextIO | None = None
@@ -56,7 +55,10 @@ def print_result(text: str) -> None:
     """Prints on stdout, in one line or several of our own: what others named, and might
     hold a newline, goes through `one_line` or `as_lines` before.
 
-    A reader that left (`| head`, a closed terminal) is no error; raises OSError for others.
+    A reader that left (`| head`, a closed terminal) is no error.
+
+    Raises:
+        Unwritable: the disk that stdout goes to is full.
     """
     stream = _results or sys.stdout
     try:
@@ -64,7 +66,7 @@ def print_result(text: str) -> None:
     except OSError as error:
         _silence(stream)
         if error.errno not in (errno.EPIPE, errno.EIO):
-            raise
+            raise Unwritable("the result on stdout", error) from None
 
 
 @contextmanager
@@ -160,8 +162,8 @@ class Unwritable(Exception):
     def __init__(self, path: Path | str, error: OSError) -> None:
         # Making the directory README.md/ ends with "File exists", which does not say what is wrong.
         reason = "Not a directory" if isinstance(error, FileExistsError) else error.strerror or str(error)
-        super().__init__(f"{path}: cannot be written ({reason})")
-        self.exit_code = FAILED if error.errno in _DISK_FAILURES else BAD_INPUT
+        super().__init__(f"{path}: cannot be written ({reason}); {remedy(error)}")
+        self.exit_code = FAILED if error.errno in DISK_FAILURES else BAD_INPUT
 
 
 @contextmanager

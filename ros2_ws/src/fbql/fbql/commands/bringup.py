@@ -10,13 +10,16 @@ import argparse
 import json
 import shlex
 import shutil
+from pathlib import Path
+from typing import Any
 
 from fbql_common.core.errors import BadInput
+from fbql_common.files import remedy, write_atomically
 from fbql_common.middleware import prepare_middleware
 
-from fbql.cli.exit_codes import FAILED, INCOMPLETE
+from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupted, Interrupts
-from fbql.cli.output import LiveLine, print_result
+from fbql.cli.output import LiveLine, Unwritable, print_result
 from fbql.cli.parser import Parser
 from fbql.cli.places import command_text
 from fbql.graph.domains import domain_from
@@ -133,15 +136,26 @@ def _report(
     elif shortfall and code != FAILED:
         line.complain(f"the match ended after {shortfall}, and nothing says why; see {run / 'log'}")
         code = code or FAILED
-    missed = supervision.missed_ticks
-    if missed is not None:
-        summary["missed_ticks"] = missed
+    if supervision.missed_ticks is not None:
+        summary["missed_ticks"] = supervision.missed_ticks
+        code = _complete_summary(path, summary, line) or code
     text = summary_text(summary, run, match.simulation.dt_s, policy_summary(match), asked)
     again = same_options(match)
     text += f"\n{next_steps(summary, run, again, match.fusion.learn, controller_options(match), supervision.domain_id)}"
     try:
         print_result(json.dumps(summary) if as_json else text)
-    except OSError as error:
-        line.complain(f"the result can't be printed ({error.strerror}); it is in {path}")
+    except Unwritable as error:
+        line.complain(f"{error}; it is also in {path}")
         return code or FAILED
     return code or (INCOMPLETE if summary["incomplete"] else 0)
+
+
+def _complete_summary(path: Path, summary: dict[str, Any], line: LiveLine) -> int:
+    """Adds to summary.json what only the launcher knows: fusion, which wrote it, does not see the simulator's clock.
+    Returns 0, or 1 where it can't be written."""
+    try:
+        write_atomically(path, f"{json.dumps(summary, indent=2)}\n".encode())
+    except OSError as error:
+        line.complain(f"{path}: missed_ticks could not be added ({error.strerror}); {remedy(error)}")
+        return FAILED
+    return DONE

@@ -24,10 +24,10 @@ from fbql_behaviors.demonstration_storage import Recording
 from fbql_common.core.errors import BadInput
 from fbql_common.terminal.screen import trouble_with_terminal
 
-from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
+from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, register_observations, unused_observations
-from fbql.cli.output import LiveLine, complain, print_result, say
+from fbql.cli.output import LiveLine, complain, print_result, say, writing
 from fbql.cli.parser import Parser, add_json_option, output_path, without_effect
 from fbql.cli.places import command_text, new_path
 from fbql.cli.words import counted
@@ -73,8 +73,8 @@ def _by_script(arguments: argparse.Namespace) -> int:
     seeds = {episode: start for episode, (start, _) in enumerate(islice(starts(behavior, seed), count))}
     details = {"seed": seed, "habits": asdict(Habits())}
     origin = Origin("scripted", simulation_of(behavior), seeds, details)
-    if not save_demonstrations(out, behavior, demonstrations, about_origins([origin])):
-        return INCOMPLETE
+    with writing(out):
+        save_demonstrations(out, behavior, demonstrations, about_origins([origin]))
     _report(arguments, behavior, demonstrations, out)
     return DONE
 
@@ -106,8 +106,8 @@ def _merge(arguments: argparse.Namespace, recordings: Sequence[Recording]) -> in
     demonstrations, origins = merge(recordings)
     out = arguments.out or new_path(f"demonstrations-{behavior}-merged")
     register_observations([], [behavior])
-    if not save_demonstrations(out, behavior, demonstrations, about_origins(origins)):
-        return INCOMPLETE
+    with writing(out):
+        save_demonstrations(out, behavior, demonstrations, about_origins(origins))
     _report(arguments, behavior, demonstrations, out)
     return DONE
 

@@ -20,6 +20,7 @@ from fbql_behaviors.storage import save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import types_of
 from fbql_common.core.text import as_lines
+from fbql_common.files import output_directory, write_atomically
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
@@ -108,8 +109,7 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     path = arguments.out or new_path(f"tree-{request.behavior}") / f"{request.behavior}.json"
     report = path.with_suffix(".html") if arguments.report is BESIDE else arguments.report
     replaced = path.exists()
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with writing(path), output_directory(path.parent):
         save_tree(path, made.tree)
     if report is not None:
         _write(report, _page(request, arguments.demos, demonstrations, patterns, made))
@@ -144,9 +144,8 @@ def _demonstrations(request: InductionRequest, paths: Sequence[Path] | None) -> 
 
 
 def _write(path: Path, text: str) -> None:
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+    with writing(path), output_directory(path.parent):
+        write_atomically(path, text.encode())
 
 
 def _page(

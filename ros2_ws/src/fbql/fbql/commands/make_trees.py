@@ -11,6 +11,7 @@ import json
 from fbql_behaviors.core.recipes import RECIPES
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import save_tree
+from fbql_common.files import output_directory
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
@@ -36,8 +37,7 @@ def parser(program: str) -> Parser:
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     """Makes the trees. Returns 0."""
     made: dict[str, dict[str, object]] = {}
-    with writing(arguments.out):
-        arguments.out.mkdir(parents=True, exist_ok=True)
+    with writing(arguments.out), output_directory(arguments.out):
         for behavior in RECIPES:
             tree = make_tree(behavior).tree
             path = arguments.out / f"{behavior}.json"

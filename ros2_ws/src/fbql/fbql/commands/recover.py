@@ -10,6 +10,7 @@ from time import monotonic
 from typing import Any
 
 from fbql_common.core.text import as_lines
+from fbql_common.files import remedy
 from fbql_recording import Gap, Recovery, recover
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
@@ -53,7 +54,9 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
         try:
             found = recover(arguments.run, arguments.out, progress)
         except OSError as error:
-            line.complain(f"{error.filename}: cannot be written ({error.strerror}); nothing was written")
+            line.complain(
+                f"{error.filename}: cannot be written ({error.strerror}); nothing was written; {remedy(error)}"
+            )
             return FAILED
     print_result(json.dumps(_values(found, monotonic() - begun_s)) if arguments.json else _words(found))
     return DONE if found.is_complete or arguments.allow_incomplete else INCOMPLETE

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.text import as_lines
+from fbql_common.files import atomic_text, output_directory
 from fbql_recording import Run, open_run
 from fbql_recording.tables import FORMATS, write_episodes, write_steps
 
@@ -77,18 +77,12 @@ def _write(run: Run, out: Path, figures: Path | None, interrupts: Interrupts) ->
 
     what = "page"
     files: list[Path] = []
-    temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
-    with writing(out):
-        try:
-            with closing(LiveLine()) as line:
-                with temporary.open("x", encoding="utf-8") as file:
-                    contents = write_page(run, file, progress)
-                if figures is not None:
-                    what = "tables"
-                    files = _figures(run, contents.episodes, figures, progress)
-            temporary.replace(out)
-        finally:
-            temporary.unlink(missing_ok=True)
+    with closing(LiveLine()) as line, writing(out), atomic_text(out) as file:
+        contents = write_page(run, file, progress)
+        if figures is not None:
+            what = "tables"
+            with writing(figures), output_directory(figures, is_ours=True):
+                files = _figures(run, contents.episodes, figures, progress)
     return {
         "path": str(out),
         "bytes": out.stat().st_size,
@@ -103,7 +97,6 @@ def _figures(run: Run, episodes: Any, directory: Path, progress: Callable[[int],
     """Writes the figures and tables of a run. Returns the files."""
     from fbql.report.figures import write_figures  # matplotlib takes a second, and is an extra
 
-    directory.mkdir(exist_ok=True)
     controller = run.parameters.get("fusion", {}).get("controller", "")
     files = write_figures(episodes, plain(f"{run.path.name} {controller}"), directory)
     tables = {name: [directory / f"{name}{ending}" for ending in FORMATS] for name in ("episodes", "steps")}

@@ -19,7 +19,7 @@ from fbql_behaviors.sklearn_trees import from_arrays
 from fbql_behaviors.storage import MAX_BYTES, json_from_bytes, load_tree, save_tree, tree_to_bytes
 from fbql_common.core.errors import BadInput
 from fbql_common.core.text import one_line
-from fbql_common.files import read_file
+from fbql_common.files import read_file, write_atomically
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
@@ -53,8 +53,7 @@ class _TreeParser(Parser):
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     """Runs the subcommand. Returns 0."""
     arguments.sources = register_observations(arguments.observation)
-    with writing("output"):
-        return arguments.run(arguments)
+    return arguments.run(arguments)
 
 
 def _load(arguments: argparse.Namespace) -> Tree:
@@ -124,7 +123,7 @@ def _export(arguments: argparse.Namespace) -> int:
         print_result(text.removesuffix("\n"))
     else:
         with writing(arguments.out):
-            arguments.out.write_text(text, encoding="utf-8")
+            write_atomically(arguments.out, text.encode())
         say(f"{arguments.out}: {len(text)} characters")
     return DONE
 

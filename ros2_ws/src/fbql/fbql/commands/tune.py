@@ -18,6 +18,7 @@ from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, types_of
 from fbql_common.core.text import as_lines
+from fbql_common.files import output_directory
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
@@ -51,8 +52,7 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     seeds = measuring_seeds(arguments.seed, arguments.starts)
     before, after = (measure(each, exercise, ground, seeds) for each in (tree, tuned.tree))
     gained = mean_interval([exercise.cost(new) - exercise.cost(old) for old, new in zip(before, after, strict=True)])
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with writing(path), output_directory(path.parent):
         save_tree(path, tuned.tree)
     result = finite(
         {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from fbql_behaviors.core.patterns import Demonstration
@@ -11,11 +11,10 @@ from fbql_behaviors.demonstration_storage import BEHAVIOR_KEY
 from fbql_common.core.errors import BadInput
 from fbql_common.core.topic_names import WHEEL_COMMAND, WORLD
 from fbql_common.core.types import WheelCommand, World
+from fbql_common.files import output_directory, remedy, removed_on_failure
 from fbql_recording import Channel, Recorder
 from fbql_recording.bag_metadata import Qos
 from fbql_recording.message_definitions import step_messages
-
-from fbql.cli.output import say
 
 PAUSE_NS = 1_000_000_000
 """Time between the demonstrations of `in_sequence` [ns]."""
@@ -23,18 +22,18 @@ _WORLD, _COMMAND = 0, 1
 
 
 def save_demonstrations(
-    directory: Path,
-    behavior: str,
-    demonstrations: Sequence[Demonstration],
-    about: Mapping[str, object],
-    report: Callable[[str], None] = say,
-) -> bool:
-    """Records demonstrations into a new directory; see `write_demonstrations`.
+    directory: Path, behavior: str, demonstrations: Sequence[Demonstration], about: Mapping[str, object]
+) -> None:
+    """Records demonstrations into a new directory, completely or not at all; see `write_demonstrations`.
 
-    Raises BadInput when the directory exists or cannot be made.
+    Raises:
+        BadInput: the directory exists or can't be made.
+        OSError: the disk failed meanwhile; nothing is left behind.
     """
-    make_directory(directory)
-    return write_demonstrations(directory, behavior, demonstrations, about, report)
+    with output_directory(directory.parent):
+        make_directory(directory)
+        with removed_on_failure(directory):
+            write_demonstrations(directory, behavior, demonstrations, about)
 
 
 def make_directory(directory: Path) -> None:
@@ -44,7 +43,7 @@ def make_directory(directory: Path) -> None:
     except FileExistsError:
         raise BadInput(f"{directory} exists; demonstrations are never overwritten, choose another directory") from None
     except OSError as error:
-        raise BadInput(f"{directory}: cannot be created ({error.strerror}); choose another directory") from None
+        raise BadInput(f"{directory}: cannot be created ({error.strerror}); {remedy(error)}") from None
 
 
 def write_demonstrations(
@@ -52,25 +51,27 @@ def write_demonstrations(
     behavior: str,
     demonstrations: Sequence[Demonstration],
     about: Mapping[str, object],
-    report: Callable[[str], None] = say,
-) -> bool:
+) -> None:
     """Records demonstrations into a directory without a recording; `about` is stored with them, each value as JSON.
 
-    Returns False when the disk failed meanwhile; `report` is called with the reason. Raises BadInput when it can't be
-    written there at all.
+    Raises:
+        BadInput: it can't be written there at all.
+        OSError: the disk failed meanwhile; it names the directory, in which no part of the recording is left.
     """
     custom_data = {BEHAVIOR_KEY: behavior, **{key: json.dumps(value) for key, value in about.items()}}
     messages = {f"/{WORLD}": step_messages()[World], f"/{WHEEL_COMMAND}": step_messages()[WheelCommand]}
     channels = [Channel(topic, *definition, Qos()) for topic, definition in messages.items()]
     encode_world, encode_command = (definition.codec.encode for definition in messages.values())
-    recorder = Recorder(directory, channels, custom_data, (), report)
+    recorder = Recorder(directory, channels, custom_data, (), lambda _: None)
     for demonstration in demonstrations:
         for world, command in zip(demonstration.worlds, demonstration.commands, strict=True):
             recorder.write(_WORLD, encode_world(world), world.stamp_ns)
             recorder.write(_COMMAND, encode_command(command), command.stamp_ns)
         recorder.flush()
     recorder.close()
-    return not recorder.failed
+    if recorder.failure is not None:
+        recorder.active_path.unlink(missing_ok=True)
+        raise OSError(recorder.failure.errno, recorder.failure.strerror, str(directory))
 
 
 def in_sequence(demonstrations: Iterable[Demonstration]) -> list[Demonstration]:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import yaml
 from ament_index_python.packages import get_package_prefix
 from fbql_common.core.errors import BadInput
+from fbql_common.files import remedy, write_atomically
 
 from fbql.match.in_process import own_observation
 from fbql.match.options import Match
@@ -66,9 +67,9 @@ def write_parameters(match: Match, mode: Mode) -> Path:
         nodes[name] = {"tree_file": str(tree_file), **own_observation(match, name)}
     document = {f"/{name}": {"ros__parameters": parameters} for name, parameters in nodes.items()}
     try:
-        path.write_text(yaml.safe_dump(document, sort_keys=False))
+        write_atomically(path, yaml.safe_dump(document, sort_keys=False).encode())
     except OSError as error:
-        raise BadInput(f"{path}: can't be written ({error.strerror}); choose another --out") from None
+        raise BadInput(f"{path}: can't be written ({error.strerror}); {remedy(error)}") from None
     except UnicodeEncodeError:
         raise BadInput(
             f"{path}: the path of a file that the run uses is not UTF-8; a parameter can't hold it"

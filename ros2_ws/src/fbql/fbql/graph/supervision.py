@@ -6,13 +6,16 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import closing, nullcontext
 from functools import partial
+from pathlib import Path
 from time import monotonic, sleep
 from typing import TYPE_CHECKING
 
 from fbql_common.core.errors import BadInput
+from fbql_common.core.recording_names import CONFIG
+from fbql_common.files import DISK_FAILURES, remedy
 from fbql_common.spin import how_ended
 
-from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
+from fbql.cli.exit_codes import BAD_INPUT, DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import LiveLine
 from fbql.graph import launch
@@ -44,11 +47,13 @@ class GraphFailed(Exception):
 
     Args:
         process: the process that ended, if that is the cause; its output is shown.
+        is_refusal: whether the run could not begin: nothing was played, and nothing is worth keeping.
     """
 
-    def __init__(self, text: str, process: NodeProcess | None = None) -> None:
+    def __init__(self, text: str, process: NodeProcess | None = None, *, is_refusal: bool = False) -> None:
         super().__init__(text)
         self.process = process
+        self.is_refusal = is_refusal
 
 
 class Supervision:
@@ -78,6 +83,7 @@ class Supervision:
         self._interrupts = interrupts
         self._live = live
         self._started: list[NodeProcess] = []
+        self._out = Path()
         self.missed_ticks: int | None = None
         """Real time: steps that could not be done in time; None in lockstep."""
 
@@ -88,11 +94,12 @@ class Supervision:
             0 when fusion succeeded or a signal requested the end, 1 on a failure, 3 when the recording is incomplete.
 
         Raises:
-            BadInput: refused before any process was started.
+            BadInput: refused before any process was started, or by fusion before the run began.
             Interrupted: a signal came before any process was started.
         """
         with nullcontext(self._domain_id) if self._domain_id is not None else free_domain() as domain_id:
             # Logs stay with the run, wherever HOME is.
+            self._out = match.out
             os.environ["ROS_LOG_DIR"] = str(match.out / "log")
             if self._domain_id is not None:
                 self._refuse_twins(match, domain_id)
@@ -118,6 +125,8 @@ class Supervision:
             finally:
                 killed = stop(self._started)
                 self._line.close()
+        if failure is not None and failure.is_refusal:
+            raise BadInput(failure)
         if failure is not None:
             self._line.complain(_failure_text(failure, match), failure.process.tail() if failure.process else "")
         if killed:
@@ -140,7 +149,11 @@ class Supervision:
             try:
                 self._started.append(start(name, command, environment, match.out / "log"))
             except OSError as error:
-                raise GraphFailed(f"'{name}' can't be started: {command[0]}: {error.strerror}") from None
+                where = os.fsdecode(error.filename or command[0])
+                text = f"'{name}' can't be started: {where}: {error.strerror}"
+                if error.errno in DISK_FAILURES:
+                    raise GraphFailed(f"{text}; {remedy(error)}", is_refusal=True) from None
+                raise GraphFailed(text) from None
 
     def _completeness(self) -> int:
         """Reports it if fusion could not record everything: the files that record this may be missing for the same
@@ -224,6 +237,12 @@ class Supervision:
             code = process.exit_code
             if code is None or (process is self._started[-1] and code in (DONE, INCOMPLETE)):
                 continue
+            if code == BAD_INPUT and process is self._started[-1] and not (self._out / CONFIG).exists():
+                said = process.tail().splitlines()
+                raise GraphFailed(
+                    said[-1] if said else f"{self._out}: the run can't begin, not even its log; make room there",
+                    is_refusal=True,
+                )
             what = f"node '{process.name}'" if self._mode.processes == "many" else "the process of all nodes"
             raise GraphFailed(f"{what} {how_ended(code)}", process)
 

@@ -17,6 +17,7 @@ from types import TracebackType
 import yaml
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import WheelCommand, World
+from fbql_common.files import write_atomically
 from fbql_common.inputs import Input
 from fbql_common.spin import how_ended
 from fbql_common.topics import RESET_EPISODE, STEP_QOS, WHEEL_COMMAND, WORLD
@@ -60,7 +61,7 @@ class LiveSimulator:
         deliver: Callable[[World], None],
     ) -> None:
         file = log_directory / "parameters.yaml"
-        file.write_text(yaml.safe_dump({f"/{SIMULATOR}": {"ros__parameters": asdict(parameters)}}))
+        write_atomically(file, yaml.safe_dump({f"/{SIMULATOR}": {"ros__parameters": asdict(parameters)}}).encode())
         self._command = [executable("fbql_sim", SIMULATOR), "--ros-args", "--params-file", str(file)]
         self._environment = {**environment, "ROS_DOMAIN_ID": str(domain_id)}
         self._log_directory = log_directory

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from fbql_behaviors.core.patterns import Demonstration
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import WheelCommand, World
+from fbql_common.files import remedy
 from fbql_sim.core.parameters import SimulationParameters
 
 from fbql.cli.output import say
@@ -153,12 +154,13 @@ class Safekeeping:
         place = self.directory / UNFINISHED / f"{self._count:04}"
         self._count += 1
         self._copies.append(place)
-        reasons: list[str] = []
         try:
-            save_demonstrations(place, *self._recording([kept]), reasons.append)
+            save_demonstrations(place, *self._recording([kept]))
         except BadInput as error:
-            reasons.append(str(error))
-        return reasons[0] if reasons else None
+            return str(error)
+        except OSError as error:
+            return f"{place}: cannot be written ({error.strerror}); {remedy(error)}"
+        return None
 
     def drop(self) -> None:
         """Removes the copy of the last one that is still kept."""
@@ -172,7 +174,10 @@ class Safekeeping:
         if not kept:
             shutil.rmtree(self.directory, ignore_errors=True)
             return True
-        if not write_demonstrations(self.directory, *self._recording(kept), report):
+        try:
+            write_demonstrations(self.directory, *self._recording(kept))
+        except OSError as error:
+            report(f"{self.directory}: cannot be written ({error.strerror}); what was kept is in {UNFINISHED} there")
             return False
         shutil.rmtree(self.directory / UNFINISHED, ignore_errors=True)
         return True

@@ -13,6 +13,7 @@ from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, Phase, WheelCommand, World
+from fbql_common.files import removed_on_failure
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session
 from fbql_fusion.policy_storage import learned_bytes, load_policy
@@ -147,7 +148,8 @@ def play_match(
     files = None
     if write:
         match = make_run_directory(match)
-        files = RunDirectory(match.out, _config(match), list(match.behaviors.values()), complain)
+        with removed_on_failure(match.out):
+            files = RunDirectory(match.out, _config(match), list(match.behaviors.values()), complain)
     begun_s = monotonic()
 
     def ended() -> bool:

@@ -18,6 +18,7 @@ from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, types_of
+from fbql_common.files import remedy
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.parameters import PRESETS, FusionParameters, check_fusion, guided_episodes, unused_parameters
 from fbql_fusion.core.registry import fusion_parameters, learns
@@ -379,7 +380,7 @@ def make_run_directory(match: Match) -> Match:
         try:
             RUNS.mkdir(exist_ok=True)
         except OSError as error:
-            raise BadInput(f"{RUNS}: can't be created ({error.strerror}); name a run directory with --out") from None
+            raise BadInput(f"{RUNS}: can't be created ({error.strerror}); {remedy(error)} with --out") from None
     if match.out_named:
         create_run_directory(path)
         return match

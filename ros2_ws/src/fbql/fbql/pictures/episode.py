@@ -13,6 +13,7 @@ from pathlib import Path
 from fbql_common.core.errors import BadInput
 from fbql_common.core.field import BALL_RADIUS_M, FIELD, ROBOT_SIDE_M
 from fbql_common.core.types import Decision, World
+from fbql_common.files import write_atomically
 from fbql_recording import open_run
 from fbql_sim.core.arena import SEGMENTS
 
@@ -47,7 +48,7 @@ def _draw(run: Path, episode: int, out: Path) -> int:
     if not worlds:
         raise BadInput(f"{run}: no episode {episode} in the recording")
     with writing(out):
-        out.write_text(picture(worlds, decisions))
+        write_atomically(out, picture(worlds, decisions).encode())
     return DONE
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-from collections.abc import Sequence
-from contextlib import closing, nullcontext
+from collections.abc import Generator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
@@ -17,6 +17,7 @@ from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import defaults_of, from_mapping, types_of
 from fbql_common.core.text import as_lines
+from fbql_common.files import atomic_text, write_atomically
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.parameters import FROM_PRESET, FusionParameters, check_fusion, unused_parameters
 from fbql_fusion.core.policy import Policy
@@ -76,7 +77,7 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
     title = "; ".join(part for part in (what, trees) if part) or "nothing changes"
     if figure is not None:
         with writing(arguments.figure):
-            arguments.figure.write_bytes(figure.svg(f"{run.path.name}: what if {title}"))
+            write_atomically(arguments.figure, figure.svg(f"{run.path.name}: what if {title}"))
     if arguments.json:
         values = {"changed": changes, "trees": {name: each.tree.hash for name, each in behaviors.items()}}
         episodes = [each.values for each in tallies.episodes]
@@ -220,8 +221,11 @@ class _Table:
         self._writer.writerow(row)
 
 
-def _table(path: Path | None) -> Any:
+@contextmanager
+def _table(path: Path | None) -> Generator[TextIO | None]:
+    """The file of --csv; None without it."""
     if path is None:
-        return nullcontext(None)
-    with writing(path):
-        return path.open("w", newline="")
+        yield None
+        return
+    with writing(path), atomic_text(path) as file:
+        yield file

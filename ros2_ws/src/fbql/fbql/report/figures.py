@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from fbql_common.files import atomic_text, write_atomically
 from fbql_recording import Episode
 from fbql_recording.core.metrics import OUTCOMES
 from matplotlib import rc_context
@@ -52,7 +53,7 @@ def write_figures(episodes: Sequence[Episode], title: str, directory: Path) -> l
             figure = _figure(table, title, label, measures)
             for ending, content in (("pdf", pdf_bytes(figure)), ("svg", svg_bytes(figure))):
                 files.append(directory / f"{name}.{ending}")
-                files[-1].write_bytes(content)
+                write_atomically(files[-1], content)
     return files
 
 
@@ -86,7 +87,7 @@ def _write_numbers(table: NDArray[Any], path: Path) -> Path:
     """What the figures show: the measures of each success, and their moving averages, empty until there is a full window."""
     names = [measure.replace(" ", "_") for measure in MEASURES[:-1]]
     head = ["success", *names, "episodes", *(f"mean_{name}" for name in names), "mean_success_rate"]
-    with path.open("w", newline="") as file:
+    with atomic_text(path) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(head)
         none = [[""] * len(MEASURES)] * min(WINDOW - 1, len(table))

@@ -72,7 +72,7 @@ def draw(
     with rc_context({**STYLE, "svg.hashsalt": prefix}):
         for name, each in numbers.items():
             files.append(directory / f"{prefix}_{name}.svg")
-            files[-1].write_text(_shorten(svg_bytes(figures[name](each)).decode()))
+            write_atomically(files[-1], _shorten(svg_bytes(figures[name](each)).decode()).encode())
     return files
 
 

@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Any
 
 from fbql_common.core.errors import BadInput
-from fbql_common.files import write_atomically
+from fbql_common.files import output_directory, remedy, write_atomically
 
 from fbql_studies.runner.study import Result
 
@@ -47,12 +47,22 @@ class Store:
             others = _others_in(directory)
             if others and "config.json" not in others:
                 raise BadInput(f"{directory}: not a study's directory: it contains {min(others)}; choose a new one")
-            (directory / "tasks").mkdir(parents=True, exist_ok=True)
-            self._lock = os.open(directory / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            with output_directory(directory / "tasks"):
+                self._begin(config)
         except OSError as error:
-            raise BadInput(f"{directory}: can't be used for a study ({error.strerror}); choose another place") from None
+            raise BadInput(f"{directory}: can't be used for a study ({error.strerror}); {remedy(error)}") from None
+
+    def _begin(self, config: dict[str, Any]) -> None:
+        lock = self.directory / "lock"
+        is_new = not lock.exists()
+        self._lock = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:
             self._take(config)
+        except OSError:
+            if is_new:  # ours: it was taken
+                lock.unlink(missing_ok=True)
+            os.close(self._lock)
+            raise
         except BaseException:
             os.close(self._lock)
             raise
@@ -75,7 +85,7 @@ class Store:
                     text = json.dumps(config, indent=2, sort_keys=True)
                     write_atomically(path, f"{text}\n".encode())
                 return
-        except (OSError, ValueError) as error:
+        except ValueError as error:
             raise BadInput(f"{path}: can't be used ({error}); choose another directory") from None
         raise BadInput(f"{self.directory}: holds {_difference(found, config)}; choose another directory")
 

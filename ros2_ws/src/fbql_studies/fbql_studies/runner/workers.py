@@ -22,6 +22,7 @@ from uuid import uuid4
 from fbql.cli.output import complain
 from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput
+from fbql_common.files import DISK_FAILURES
 
 from fbql_studies.runner.store import Store, write_failure, write_result
 from fbql_studies.runner.study import Result, StudyTask
@@ -32,6 +33,8 @@ _CONNECT_S = 10
 _WITHOUT_WORKERS_S = 2.0
 """Time after which a cluster without workers is reported."""
 _PR_SET_PDEATHSIG = 1
+_DISK_FAILED = 64
+"""Exit code of a worker that could not write its result, plus the index of the reason in DISK_FAILURES."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -69,6 +72,7 @@ def run_locally(
             for sentinel in wait(list(running), timeout=_POLL_S):
                 process, task, attempt = running.pop(sentinel)  # type: ignore[arg-type]  # sentinels are ints here
                 process.join()
+                _raise_disk_failure(process.exitcode, store)
                 if process.exitcode == 0:
                     yield TaskEnd(task.key, "")
                 elif attempt < ATTEMPTS:
@@ -98,10 +102,25 @@ def _work(module: str, task: StudyTask, directory: str, launcher: int) -> None:
         os._exit(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        write_result(directory, task.key, import_module(module).run(task.parameters))
-    except Exception as error:  # any error is reported, and the other tasks continue
+        try:
+            result = import_module(module).run(task.parameters)
+        except Exception as error:  # any error is reported, and the other tasks continue
+            write_failure(directory, task.key, one_line(error))
+            sys.exit(1)
+        write_result(directory, task.key, result)
+    except OSError as error:
+        sys.exit(_DISK_FAILED + DISK_FAILURES.index(error.errno) if error.errno in DISK_FAILURES else 1)
+    except ValueError as error:  # a number that is not finite
         write_failure(directory, task.key, one_line(error))
         sys.exit(1)
+
+
+def _raise_disk_failure(exitcode: int | None, store: Store) -> None:
+    """Raises the OSError that kept a worker from writing its result: every other task would fail in the same way."""
+    index = (exitcode or 0) - _DISK_FAILED
+    if 0 <= index < len(DISK_FAILURES):
+        number = DISK_FAILURES[index]
+        raise OSError(number, os.strerror(number), str(store.directory))
 
 
 def one_line(error: BaseException) -> str:
