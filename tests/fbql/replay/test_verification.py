@@ -13,6 +13,8 @@ import pytest
 import yaml
 from commands import replay as main
 from damaged_recordings import mcap_of, places_of, spoil
+from fbql.replay.recomputation import RecordedBehaviors, recorded_parameters, recorded_trees
+from fbql.replay.verification import verify as verify_steps
 from fbql_common.wire import (
     decode_command,
     decode_decision,
@@ -24,6 +26,7 @@ from fbql_common.wire import (
     encode_world,
 )
 from fbql_fusion.core.parameters import CONTROLLERS
+from fbql_fusion.core.session import Session
 from fbql_recording import open_run, recover
 from mcap.opcode import Opcode
 from recorded_match import ROOT, TREES, digest_of, record_match
@@ -330,3 +333,127 @@ def test_of_a_recovered_run_everything_that_can_be_compared_is(tmp_path, capsys,
     else:
         assert verified["answers_only"] > 0
         assert verified["resumed"] is None
+
+
+def without_chunk(run: Path, number: int) -> Path:
+    """The run without one of its chunks, recovered."""
+    begin, end = places_of(mcap_of(run), Opcode.CHUNK)[number]
+    spoil(mcap_of(run), (begin + end) // 2)
+    return recover(run, None).path
+
+
+@pytest.fixture(scope="module")
+def policies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A policy of each learner."""
+    place = tmp_path_factory.mktemp("policies")
+    names = ("fbql", "fbql_literal", "fbql_value")
+    return {name: record_match(place / name, controller=name, guided=1, max_steps=40) / "policy.npz" for name in names}
+
+
+@pytest.mark.parametrize(
+    ("controller", "own"),
+    [
+        ("fbql", {}),
+        ("fbql", {"fbql_play": "drawn"}),
+        ("fbql", {"fbql_play": "blended", "fbql_patience": 0}),
+        ("fbql_literal", {}),
+        ("fbql_value", {"fbql_value_play": "drawn"}),
+    ],
+)
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_frozen_policy_is_compared_again_from_the_next_episode_on(
+    policies, tmp_path, capsys, number, controller, own
+):
+    """It learns nothing from what is lost; only how many random draws are lost is not known."""
+    frozen = {"controller": controller, "learn": False, "policy": policies[controller], **own}
+    path = without_chunk(record_match(tmp_path / "run", max_steps=30, episodes=4, **frozen), number)
+    code, found = verify(path, capsys)
+    assert (code, found["identical"], found["answers_only"]) == (3, True, 0)
+    assert found["steps"] == sum(1 for _ in open_run(path).steps()) > 60
+    assert found["resumed"] == found["gap"] is not None
+    assert (found["draws_as_recorded"] > 0) == ("drawn" in own.values())
+    main([str(path), "--verify"])
+    assert ("taken as recorded:" in capsys.readouterr().out) == ("drawn" in own.values())
+
+
+def test_after_a_gap_a_decision_of_another_policy_is_a_difference(policies, tmp_path):
+    frozen = {"controller": "fbql", "learn": False, "policy": policies["fbql"], "fbql_play": "drawn"}
+    run = open_run(without_chunk(record_match(tmp_path / "run", max_steps=30, episodes=4, **frozen), 0))
+    parameters, _ = recorded_parameters(run)
+    behaviors = RecordedBehaviors(run, recorded_trees(run), {})
+    other = verify_steps(run, Session(parameters, None), behaviors, lambda _: None)
+    assert other.difference is not None
+    assert other.difference.episode == 1
+    assert "learned_weights" in other.difference.what
+
+
+def test_while_it_learns_no_decision_after_a_gap_is_compared(policies, tmp_path, capsys):
+    learns = {"controller": "fbql_literal", "policy": policies["fbql_literal"], "guided": 0}
+    path = without_chunk(record_match(tmp_path / "run", max_steps=30, episodes=3, **learns), 0)
+    code, found = verify(path, capsys)
+    assert (code, found["identical"], found["steps"], found["resumed"]) == (3, True, 0, None)
+    assert found["answers_only"] == sum(1 for _ in open_run(path).steps()) > 0
+    main([str(path), "--verify"])
+    assert capsys.readouterr().out.startswith(
+        "no step could be compared as a whole; the behaviors' answers are identical"
+    )
+
+
+def without_attachment(run: Path, name: str) -> Path:
+    """The run's MCAP file alone, without an attachment, recovered."""
+    data = mcap_of(run).read_bytes()
+    (begin, end), *_ = [
+        place for place in places_of(mcap_of(run), Opcode.ATTACHMENT) if name.encode() in data[slice(*place)][:100]
+    ]
+    alone = Path(shutil.copyfile(mcap_of(run), run.parent / "alone.mcap"))
+    spoil(alone, (begin + end) // 2)
+    found = recover(alone, None)
+    assert found.attachments_lost == [name]
+    return found.path
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "policy_before.npz"])
+def test_without_its_parameters_or_policy_a_runs_answers_are_compared(policies, tmp_path, capsys, name):
+    policy = policies["fbql"]
+    path = without_attachment(record_match(tmp_path / "run", controller="fbql", learn=False, policy=policy), name)
+    code, found = verify(path, capsys)
+    assert (code, found["identical"], found["steps"], found["digest"]) == (3, True, 0, None)
+    assert found["answers_only"] == sum(1 for _ in open_run(path).steps()) > 0
+    assert name in found["decisions_not_recomputed"]
+    assert main([str(path), "--verify"]) == 3
+    assert (
+        f"decisions and commands were not compared: the {'para' if name[0] == 'c' else 'poli'}"
+        in capsys.readouterr().out
+    )
+
+
+def test_without_its_parameters_a_runs_answers_are_still_compared(recorded, tmp_path, capsys):
+    def raise_leaf(message):
+        if message.topic != "/behaviors/approaching":
+            return message.data
+        output = decode_output(message.data)
+        return encode_output(output._replace(leaf_id=output.leaf_id + 1)) if output.step == 9 else message.data
+
+    run = rewrite(recorded, tmp_path / "run", raise_leaf)
+    path = without_attachment(run, "config.yaml")
+    code, found = verify(path, capsys)
+    assert (code, found["identical"]) == (1, False)
+    assert found["first_difference"]["what"] == "leaf_id of the answer of approaching"
+    assert found["first_difference"]["step"] == 9
+
+
+def test_a_lost_start_of_the_file_is_made_up_for_by_what_is_beside_it(recorded, tmp_path, capsys):
+    """Header, schemas, channels and attachments are zeros; the summary describes the topics."""
+    run = Path(shutil.copytree(recorded, tmp_path / "run"))
+    first = places_of(mcap_of(run), Opcode.CHUNK)[0][0]
+    spoil(mcap_of(run), 8, bytes(first - 8))
+    alone = Path(shutil.copyfile(mcap_of(run), tmp_path / "alone.mcap"))
+    path = recover(run, None).path
+    code, found = verify(path, capsys)
+    assert (code in (0, 3), found["identical"], found["answers_only"]) == (True, True, 0)
+    assert found["steps"] == sum(1 for _ in open_run(recorded).steps())
+    assert found["digest"] == digest_of(recorded)
+    path = recover(alone, None).path
+    assert main([str(path), "--verify"]) == 2
+    (line,) = [each for each in capsys.readouterr().err.splitlines() if "warning: " not in each]
+    assert "the parameters of the run (config.yaml) are lost, and no answer can be recomputed either" in line

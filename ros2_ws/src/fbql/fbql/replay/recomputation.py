@@ -104,6 +104,19 @@ def recorded_policy(run: Run) -> Policy | None:
     return None
 
 
+def what_is_lost(run: Run) -> str:
+    """What decisions can't be recomputed without, in words, where it was lost with a part of the recording; "" where
+    nothing of it was."""
+    if run.is_complete:
+        return ""
+    fusion = run.parameters.get("fusion")
+    if not fusion:
+        return f"the parameters of the run ({recording_names.CONFIG}) are lost"
+    if fusion.get("policy") and recording_names.POLICY_BEFORE not in run.attachments:
+        return f"the policy that the run started from ({recording_names.POLICY_BEFORE}) is lost"
+    return ""
+
+
 def recorded_trees(run: Run) -> dict[str, Tree]:
     """The trees in the recording, by hash. Raises BadInput for a damaged one."""
     trees: dict[str, Tree] = {}

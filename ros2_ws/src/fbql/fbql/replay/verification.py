@@ -22,6 +22,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.text import as_lines
 from fbql_common.core.types import BehaviorOutput, World
 from fbql_fusion.controller_loading import resolve_controller
+from fbql_fusion.core.controllers.interface import Drawing
 from fbql_fusion.core.session import Session
 from fbql_recording import Corrupt, Run
 from fbql_recording.core.decoding import MessageCodec
@@ -40,11 +41,10 @@ from fbql.replay.recomputation import (
     recorded_parameters,
     recorded_policy,
     recorded_trees,
+    what_is_lost,
 )
 
 _PROGRESS_STEPS = 4096
-_WITHOUT_MEMORY = ("subsumption", "uniform")
-"""Controllers whose decisions in an episode do not depend on the episodes before it."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ class Verification(NamedTuple):
     steps: int
     """Identical steps, of those that were recomputed as a whole."""
     difference: Difference | None
-    digest: str
-    """Of the recomputed steps."""
+    digest: str | None
+    """Of the recomputed steps; None without a session."""
     not_recomputed: dict[str, int]
     """By behavior: answers that were taken as recorded, because they can't be recomputed."""
     unfinished: int
@@ -85,17 +85,24 @@ class Verification(NamedTuple):
     gap: str | None
     """The step after the first gap of a recovered recording, in words."""
     answers_only: int = 0
-    """Steps after a gap of which only the behaviors' answers were recomputed, and are identical."""
+    """Steps of which only the behaviors' answers were recomputed, and are identical: after a gap, or without a session."""
     resumed: str | None = None
     """The step after the first gap from which on everything was recomputed again, in words."""
+    draws_as_recorded: int = 0
+    """Random draws of a driver after a gap that were taken as recorded: how many draws are lost is not known."""
+    answers: int = 0
+    """Answers that were recomputed."""
 
 
-def verify(run: Run, session: Session, behaviors: RecordedBehaviors, progress: Callable[[int], None]) -> Verification:
+def verify(
+    run: Run, session: Session | None, behaviors: RecordedBehaviors, progress: Callable[[int], None]
+) -> Verification:
     """Recomputes a recording up to the first difference.
 
     Args:
         run: the recording.
-        session: made of the recorded parameters and policy.
+        session: made of the recorded parameters and policy; None where they are lost: then only the behaviors' answers,
+            which depend on the world state and the tree alone, are recomputed.
         behaviors: with the recorded trees.
         progress: called now and then with the number of steps done.
 
@@ -106,9 +113,13 @@ def verify(run: Run, session: Session, behaviors: RecordedBehaviors, progress: C
 
 
 class _Verifier:
-    def __init__(self, run: Run, session: Session, behaviors: RecordedBehaviors) -> None:
+    def __init__(self, run: Run, session: Session | None, behaviors: RecordedBehaviors) -> None:
         self._run = run
-        self._recorded = RecordedSession(session)
+        self._session = session
+        self._recorded = None if session is None else RecordedSession(session)
+        self._drawing: Drawing | None = None
+        """The controller, once its draws are taken as recorded."""
+        self._answers_made = 0
         self._made = behaviors
         self._world = _codec(run, "WorldState")
         self._output = run.codec("fbql_msgs/msg/BehaviorOutput")
@@ -123,7 +134,7 @@ class _Verifier:
         unfinished: StepData | None = None
         gap: str | None = None
         resumed: str | None = None
-        follows = True
+        follows = self._recorded is not None
         """Whether the session is where the recording is."""
         answers_only = left_over = 0
         for data in self._run.step_data():
@@ -138,8 +149,7 @@ class _Verifier:
                 # What follows a gap may be the rest of a step.
                 unfinished = None if data.after_gap else data
                 continue
-            if not follows and self._can_resume(data):
-                self._recorded.resume(data.episode)
+            if not follows and self._resume(data):
                 follows, resumed = True, resumed or _words_of(data)
             difference = self._step(data) if follows else self._answers(data)
             if difference is not None:
@@ -153,23 +163,30 @@ class _Verifier:
         return Verification(
             self._index - answers_only,
             difference,
-            self._recorded.session.digest,
+            None if self._session is None else self._session.digest,
             dict(self._not_recomputed),
             left_over + (unfinished is not None and difference is None),
             gap,
             answers_only,
             resumed,
+            0 if self._drawing is None else self._drawing.draws_taken,
+            self._answers_made,
         )
 
-    def _can_resume(self, data: StepData) -> bool:
-        """Whether a step after a gap begins an episode whose decisions depend on nothing before it."""
-        if self._recorded.session.parameters.controller not in _WITHOUT_MEMORY or data.step != 0:
+    def _resume(self, data: StepData) -> bool:
+        """Resumes with a step after a gap, if it begins an episode whose decisions depend on nothing before it. Returns
+        whether it did."""
+        if self._session is None or self._recorded is None or not self._session.forgets_episodes or data.step != 0:
             return False
         try:
             # An episode that began again is degraded from its first step on.
-            return not self._decision.decode(data.data[-1]).degraded
+            if self._decision.decode(data.data[-1]).degraded:
+                return False
         except Malformed as error:
             raise Corrupt(f"{self._run.path}: episode {data.episode}, step {data.step}: {error}") from None
+        self._recorded.resume(data.episode)
+        self._drawing = self._session.drawing
+        return True
 
     def _answers(self, data: StepData) -> Difference | None:
         """Recomputes the behaviors' answers, which depend on the world state alone."""
@@ -184,6 +201,7 @@ class _Verifier:
         return None
 
     def _step(self, data: StepData) -> Difference | None:
+        assert self._recorded is not None
         parts = data.data
         try:
             world: World = self._world.decode(parts[0])
@@ -200,6 +218,8 @@ class _Verifier:
                 if isinstance(output, _Differs):
                     return self._differs(data, f"the answer of {self._run.behaviors[place]}", output)
                 outputs.append(output)
+            if self._drawing is not None:
+                self._drawing.known_draw = self._decision.decode(parts[-1]).driver
             command, decision = self._recorded.session.decide(world, outputs)
         except Malformed as error:
             raise Corrupt(f"{self._run.path}: episode {data.episode}, step {data.step}: {error}") from None
@@ -222,6 +242,7 @@ class _Verifier:
         if behavior is not None:
             output = behavior.answer(world)
             if codec.is_ours and codec.encode(output) == recorded:
+                self._answers_made += 1
                 return output
         as_recorded: BehaviorOutput = codec.decode(recorded)
         name = self._run.behaviors[place]
@@ -230,6 +251,7 @@ class _Verifier:
         if behavior is None:
             self._not_recomputed[name] += 1
             return as_recorded
+        self._answers_made += 1
         output = behavior.answer(world)
         return _compared(codec, output, recorded) or output
 
@@ -297,14 +319,16 @@ def _bits(value: Any) -> Any:
 def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Verifies a run and prints the result. Returns 0 if it is identical, else 1. Raises BadInput, Interrupted."""
     controller = resolve_controller(arguments.controller).name if arguments.controller else ""
-    parameters, notes = recorded_parameters(run)
-    if controller not in ("", parameters.controller):
-        raise BadInput(f"--controller {arguments.controller}: the run's controller is '{parameters.controller}'")
     trees, sources = recorded_trees(run), register_observations(arguments.observation)
     for note in unused_observations(sources, {tree.behavior for tree in trees.values()}):
         complain(note)
     behaviors = RecordedBehaviors(run, trees, sources)
-    session = Session(parameters, recorded_policy(run))
+    lost, notes, session = what_is_lost(run), [], None
+    if not lost:
+        parameters, notes = recorded_parameters(run)
+        if controller not in ("", parameters.controller):
+            raise BadInput(f"--controller {arguments.controller}: the run's controller is '{parameters.controller}'")
+        session = Session(parameters, recorded_policy(run))
     total = max(run.counts.values(), default=0)
     begun_s = monotonic()
     with closing(LiveLine()) as line:
@@ -316,14 +340,17 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
         found = verify(run, session, behaviors, progress)
     if found.steps + found.answers_only == 0 and found.difference is None:
         raise BadInput(f"{run.path}: no step in it; there is nothing to verify")
+    if lost and not found.answers:
+        raise BadInput(f"{run.path}: {lost}, and no answer can be recomputed either; there is nothing to verify")
     seconds = monotonic() - begun_s
     difference = found.difference or _other_digest(run, found)
     if difference is not None:
         notes += changed_software(run, own_revision(), software_versions())
     if arguments.json:
-        print_result(json.dumps(_values(run, found, difference, notes, seconds)))
+        values = _values(run, found, difference, notes, seconds)
+        print_result(json.dumps({**values, "decisions_not_recomputed": lost or None}))
     else:
-        print_result(_words(found, difference, behaviors.missing, notes, seconds))
+        print_result(_words(found, difference, behaviors.missing, lost, notes, seconds))
     return DONE if difference is None else FAILED
 
 
@@ -348,6 +375,7 @@ def _values(
         "gap": found.gap,
         "answers_only": found.answers_only,
         "resumed": found.resumed,
+        "draws_as_recorded": found.draws_as_recorded,
         "complete": run.is_complete,
         "notes": [*notes, *run.warnings],
         "seconds": round(seconds, 3),
@@ -356,9 +384,18 @@ def _values(
 
 
 def _words(
-    found: Verification, difference: Difference | None, missing: Mapping[str, str], notes: list[str], seconds: float
+    found: Verification,
+    difference: Difference | None,
+    missing: Mapping[str, str],
+    lost: str,
+    notes: list[str],
+    seconds: float,
 ) -> str:
     lines = [f"identical over {found.steps} steps ({found.steps / seconds:.0f} steps/s)"]
+    if not found.steps:
+        lines = [
+            f"no step could be compared as a whole; the behaviors' answers are identical in {found.answers_only} steps"
+        ]
     if difference is not None:
         lines = [f"differs: {difference.words}", f"identical over the {found.steps} steps before"]
     lines += [
@@ -369,11 +406,18 @@ def _words(
         lines.append(f"messages before {found.gap} are lost")
         if found.resumed is not None:
             lines.append(f"everything is compared again from {found.resumed} on, where an episode begins")
-        if found.answers_only:
+        if found.answers_only and not lost:
             lines.append(
                 f"of {found.answers_only} steps after a gap only the behaviors' answers were compared, and are identical: "
                 "the decisions depend on what is lost"
             )
+    if found.draws_as_recorded:
+        lines.append(
+            f"taken as recorded: {found.draws_as_recorded} random draws of a driver after the gap; how many draws are lost "
+            "is not known"
+        )
+    if lost:
+        lines.append(f"decisions and commands were not compared: {lost}")
     if found.unfinished:
         lines.append("the last step before the cut or a gap is incomplete and was not compared")
     return as_lines([*lines, *notes])

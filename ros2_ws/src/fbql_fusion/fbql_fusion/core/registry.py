@@ -113,6 +113,11 @@ def source_file(name: str) -> str:
     return str(getattr(sys.modules.get(getattr(factory, "__module__", "")), "__file__", "") or "")
 
 
+def is_ours(name: str) -> bool:
+    """Whether a controller is one of this package."""
+    return name in _OURS
+
+
 def learns(parameters: FusionParameters) -> bool:
     """Whether the controller that the parameters name can learn."""
     return isinstance(make_controller(parameters), Learner)

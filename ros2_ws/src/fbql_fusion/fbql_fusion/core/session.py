@@ -25,11 +25,11 @@ from fbql_common.core.types import (
 from fbql_recording.core.metrics import Digest, EpisodeRecord, Summary, summarise
 
 from fbql_fusion.core.blending import blend
-from fbql_fusion.core.controllers.interface import JointState, Learner, Transition
+from fbql_fusion.core.controllers.interface import Drawing, JointState, Learner, Transition
 from fbql_fusion.core.guides.subsumption import Subsumption
 from fbql_fusion.core.parameters import FusionParameters, check_fusion, guided_episodes
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.registry import make_controller
+from fbql_fusion.core.registry import is_ours, make_controller
 
 _INF = float("inf")
 
@@ -125,6 +125,17 @@ class Session:
     def steps(self) -> int:
         """Steps driven so far, in every phase."""
         return self._steps
+
+    @property
+    def forgets_episodes(self) -> bool:
+        """Whether a decision depends on nothing before its episode, but for random draws (`drawing`): it does not learn.
+        What a user's own controller remembers is not known."""
+        return is_ours(self.parameters.controller) and not (self._learner is not None and self.parameters.learn)
+
+    @property
+    def drawing(self) -> Drawing | None:
+        """The controller, if its draws can be given to it."""
+        return self._controller if isinstance(self._controller, Drawing) else None
 
     def summary(self, wall_s: float | None = None, messages_recorded: int = 0, incomplete: bool = False) -> Summary:
         """The result so far, including what only the caller knows."""

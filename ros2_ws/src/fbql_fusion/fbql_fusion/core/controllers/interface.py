@@ -81,3 +81,14 @@ class Learner(Controller, Protocol):
     def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Restores what `to_arrays` returned. Raises BadInput for arrays that can't come from it."""
         ...
+
+
+@runtime_checkable
+class Drawing(Protocol):
+    """A controller that draws drivers at random, and whose draws can be given to it: in a replay that does not know the
+    state of its generator."""
+
+    known_draw: int | None
+    """The driver that the next draw gives; None: it is drawn."""
+    draws_taken: int
+    """Number of draws that were given."""

@@ -96,6 +96,9 @@ class HeldDecisions(ABC):
         self._driver = DRIVER_BLEND
         self._q: tuple[float, ...] = ()
         self._visits: dict[JointState, int] = {}
+        self.known_draw: int | None = None
+        """See `Drawing`."""
+        self.draws_taken: int = 0
 
     def __len__(self) -> int:
         """Number of features met so far."""
@@ -205,6 +208,10 @@ class HeldDecisions(ABC):
 
     def _draw(self, weights: Sequence[float]) -> int:
         """Draws a behavior with the weights as probabilities."""
+        known = self.known_draw
+        if known is not None and 0 <= known < len(weights) and weights[known] > 0.0:
+            self.draws_taken += 1
+            return known
         left = self._generator.random() * sum(weights)
         for driver, weight in enumerate(weights):
             left -= weight
