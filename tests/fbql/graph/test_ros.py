@@ -80,6 +80,15 @@ def test_in_real_time_a_second_takes_a_second_and_ros_tools_see_everything(
     assert {message.header.frame_id for message in seen["/robot/pose"]} == {"field"}
 
 
+def test_a_machine_that_is_too_slow_is_told_in_the_result_and_in_the_summary(start: Start) -> None:
+    """6000 steps a second are asked for: an overload of any machine (fault 31)."""
+    run = start("--processes", "one", "--realtime", "100", "--episodes", "1", "--max-steps", "600", "--seed", "3")
+    assert run.exit_code() == 0, run.stderr
+    missed = summary_of(run.out)["missed_ticks"]
+    assert missed > 0
+    assert f"{missed}  ticks of real time: the machine was too slow" in run.stdout
+
+
 def garbage(kind: type[Any], chance: random.Random) -> bytes:
     """A message on a topic of this type that nobody must act on."""
     message = kind()
