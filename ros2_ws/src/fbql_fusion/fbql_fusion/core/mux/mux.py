@@ -88,6 +88,9 @@ class Mux:
         self.config = config
         self._sources = [_Entry(rank(source), timeout_ns(source)) for source in config.sources]
         self._locks = [_Entry(rank(lock), timeout_ns(lock)) for lock in config.locks]
+        drivers = [index for index, source in enumerate(self._sources) if source.rank > 0]
+        self._order = sorted(drivers, key=lambda index: -self._sources[index].rank)
+        """Those that may drive at all, the highest priority first; equals stay in order."""
         self._last: int | None = None
         """The source whose command was passed on last."""
         self._zero_ns: int | None = None
@@ -113,12 +116,14 @@ class Mux:
 
     def winner(self, now_ns: int) -> int | None:
         """The source whose command is passed on if one comes now: the highest priority above 0 that is not masked."""
-        highest, winner = 0, None
         lock_priority = self.lock_priority(now_ns)
-        for index, source in enumerate(self._sources):
-            if source.rank > highest and source.rank >= lock_priority and not source.expired(now_ns):
-                highest, winner = source.rank, index
-        return winner
+        for index in self._order:
+            source = self._sources[index]
+            if source.rank < lock_priority:
+                return None
+            if not source.expired(now_ns):
+                return index
+        return None
 
     def driver(self, now_ns: int) -> int | None:
         """The source whose command was passed on last, unless it is masked by now: then nobody drives."""
