@@ -45,8 +45,8 @@ from fbql_common.topics import WHEEL_COMMAND
 from fbql_common.wire import decode_command
 from fbql_fusion.core.session import Session
 from fbql_msgs.msg import WheelCommand
-from fbql_recording import open_run
 from fbql_recording.recovery.recover import recover
+from fbql_recording.run import open_run
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from measure.graph import MODES, ROOT

@@ -19,8 +19,7 @@ from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import World
 from fbql_common.wire import encode_command, encode_world
-from fbql_recording import Message
-from fbql_recording.mcap.reader import McapFile
+from fbql_recording.mcap.reader import McapFile, Message
 from fbql_recording.message_definitions import step_messages
 from rewritten_run import rewrite
 from rosbags.rosbag2 import Reader

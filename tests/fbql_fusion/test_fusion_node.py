@@ -18,7 +18,7 @@ from fbql_fusion.policy_storage import load_policy
 from fbql_msgs.msg import BehaviorOutput as BehaviorOutputMsg
 from fbql_msgs.msg import WorldState
 from fbql_msgs.srv import SavePolicy
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from geometry_msgs.msg import PoseStamped
 from hand_driven import BEHAVIORS, STEP_NS, FakeBehavior, FakeSimulator, Partner, listen, output_to, world_at
 from rclpy.clock import Clock as RosClock

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 import yaml
 from fbql_common.core.errors import BadInput
-from fbql_recording import open_run, recover
+from fbql_recording.recovery.recover import recover
+from fbql_recording.run import open_run
 from recorded_match import record_match
 
 STEPS = 2 * 7

@@ -13,7 +13,9 @@ import pytest
 import yaml
 from damaged_recordings import mcap_of, records_of
 from fbql_common.core.errors import BadInput
-from fbql_recording import Message, Run, open_run, recover
+from fbql_recording.mcap.reader import Message
+from fbql_recording.recovery.recover import recover
+from fbql_recording.run import Run, open_run
 from foreign_recording import ForeignTopic, with_foreign_topics
 from fuzzing import dice, odd_bytes, odd_copy, odd_value, read_or_refused
 from mcap.writer import MCAP0_MAGIC

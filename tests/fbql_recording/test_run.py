@@ -16,10 +16,10 @@ from damaged_recordings import chunk_with, mcap_of, places_of, records_of, spoil
 from fbql_common.core.cdr import Codec
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import Decision
-from fbql_recording import Corrupt, Run, open_run
 from fbql_recording.core.decoding import MessageCodec
 from fbql_recording.core.ros2msg import fields_of
-from fbql_recording.mcap.reader import MAX_RECORD_BYTES
+from fbql_recording.mcap.reader import MAX_RECORD_BYTES, Corrupt
+from fbql_recording.run import Run, open_run
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, MetadataIndex
 from mcap.writer import CompressionType, Writer

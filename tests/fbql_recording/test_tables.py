@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from fbql_common.core.errors import BadInput
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from fbql_recording.tables import episodes_frame, steps_frame, write_episodes, write_steps
 from recorded_match import ROOT, record_match
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from mcap.writer import CompressionType, Writer
 
 

@@ -11,9 +11,9 @@ from fbql_behaviors.core.tree import Leaf, Split, Tree
 from fbql_behaviors.storage import tree_to_bytes
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_common.wire import encode_command, encode_decision, encode_output, encode_world
-from fbql_recording import open_run
 from fbql_recording.bag_metadata import Qos
 from fbql_recording.recorder import Attachment, Channel, Recorder
+from fbql_recording.run import open_run
 from recorded_match import record_match
 
 HOSTILE = """</script><script>alert(1)</script><img src=x onerror=alert(2)>"'<!--&lt;\\u003c${alert(3)}"""

@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from damaged_recordings import HEAD_BYTES, Record, mcap_of, records_of
-from fbql_recording import Message, Recovery, open_run
+from fbql_recording.mcap.reader import Message
+from fbql_recording.recovery.recover import Recovery
+from fbql_recording.run import open_run
 from mcap.opcode import Opcode
 from mcap_contents import Chunk, Contents, bytes_of, contents_of
 from recorded_match import record_match

@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
-from fbql_recording import Message, open_run
 from fbql_recording.bag_metadata import Qos
+from fbql_recording.mcap.reader import Message
 from fbql_recording.recorder import Attachment, Channel, Recorder
+from fbql_recording.run import open_run
 
 Change = Callable[[Message], bytes | None]
 """The data of a message afterwards; None leaves it out."""

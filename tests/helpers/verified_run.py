@@ -7,7 +7,7 @@ from pathlib import Path
 from fbql.replay.recomputation import RecordedBehaviors, recorded_parameters, recorded_policy, recorded_trees
 from fbql.replay.verification import Verification, verify
 from fbql_fusion.core.session import Session
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 
 
 def verification_of(path: Path) -> Verification:

@@ -14,7 +14,7 @@ from fbql.report.comparison import FEW_RUNS, RunResult, groups_of, name_of, pair
 from fbql.statistics.inference import ratio_of_sums
 from fbql_behaviors.core.tree import Leaf, Tree
 from fbql_behaviors.storage import load_tree, save_tree
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from hostile_run import HOSTILE, hostile_run
 from recorded_match import TREES, record_match
 

@@ -22,7 +22,8 @@ from commands import recover as recover_command
 from damaged_recordings import HEAD_BYTES, Case, Sound, corpus, mcap_of, record_sound, records_of
 from fbql.cli.interrupts import NUMBERS
 from fbql_common.core.errors import BadInput
-from fbql_recording import Run, open_run, recover
+from fbql_recording.recovery.recover import recover
+from fbql_recording.run import Run, open_run
 from mcap.opcode import Opcode
 from verified_run import verification_of
 
@@ -251,9 +252,9 @@ import resource, sys
 sys.path[:0] = {sys.path!r}
 from pathlib import Path
 from damaged_recordings import Sound, corpus
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from fbql_common.core.errors import BadInput
-from fbql_recording import recover
+from fbql_recording.recovery.recover import recover
 resource.setrlimit(resource.RLIMIT_AS, ({FEW_MIB}, {FEW_MIB}))
 done = 0
 sound = Sound(*map(Path, {[str(run) for run in sound]!r}))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from commands import compare, recover, replay, report
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from foreign_recording import ForeignTopic, with_foreign_topics
 from recorded_match import record_match
 

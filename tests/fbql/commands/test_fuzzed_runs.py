@@ -13,7 +13,7 @@ import commands
 import pytest
 import yaml
 from damaged_recordings import mcap_of
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from fuzzing import bounded, dice, finite_json, odd_bytes, odd_copy, read_or_refused
 from mcap_contents import Contents, contents_of, odd_contents
 from recorded_match import record_match

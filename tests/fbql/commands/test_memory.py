@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from recorded_match import record_match
 
 SHORT, LONG = 1, 7

@@ -18,7 +18,7 @@ from time import monotonic
 import pytest
 from bringup_run import ROOT, Run
 from commands import recover
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from javascript_reader import IS_THERE, read_with_javascript
 from recorded_match import record_match
 from rosbags.highlevel import AnyReader

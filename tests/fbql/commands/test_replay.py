@@ -15,7 +15,8 @@ from bringup_run import HOSTILE, Run, Terminal, in_namespace
 from commands import replay
 from fbql_common.wire import decode_decision
 from fbql_fusion.shipped import shipped_policy
-from fbql_recording import Message, open_run
+from fbql_recording.mcap.reader import Message
+from fbql_recording.run import open_run
 from recorded_match import record_match
 from rewritten_run import rewrite
 from run_directory_reader import summary_of

@@ -23,8 +23,8 @@ from fbql.report.texts import FEATURES, json_for_html, value_text
 from fbql_behaviors.core.explanation import rules
 from fbql_behaviors.storage import load_tree
 from fbql_fusion.core.parameters import CONTROLLERS
-from fbql_recording import open_run
 from fbql_recording.core.packing import FLOAT32, Packing, unpack
+from fbql_recording.run import open_run
 from hostile_run import BEHAVIOR, HOSTILE, hostile_run
 from recorded_match import TREES, record_match
 

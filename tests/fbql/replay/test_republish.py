@@ -21,8 +21,8 @@ from commands import replay as main
 from fbql.cli.interrupts import NUMBERS
 from fbql.replay.republish import Outlet
 from fbql.replay.topics import ReplayViews
-from fbql_recording import open_run
 from fbql_recording.bag_metadata import Qos
+from fbql_recording.run import open_run
 from fbql_sim.views import markers_msg, pose_msgs
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer

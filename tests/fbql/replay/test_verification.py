@@ -27,7 +27,8 @@ from fbql_common.wire import (
 )
 from fbql_fusion.core.parameters import CONTROLLERS
 from fbql_fusion.core.session import Session
-from fbql_recording import open_run, recover
+from fbql_recording.recovery.recover import recover
+from fbql_recording.run import open_run
 from mcap.opcode import Opcode
 from recorded_match import ROOT, TREES, digest_of, record_match
 from rewritten_run import rewrite

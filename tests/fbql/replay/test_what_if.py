@@ -14,7 +14,7 @@ from fbql_behaviors.core.tree import Leaf, Tree
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.session import Session
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from recorded_match import TREES, record_match
 
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")

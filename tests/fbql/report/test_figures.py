@@ -9,7 +9,8 @@ from xml.etree import ElementTree
 
 import pytest
 from commands import report as main
-from fbql_recording import Episode, open_run
+from fbql_recording.core.episodes import Episode
+from fbql_recording.run import open_run
 from recorded_match import record_match
 
 pytest.importorskip("matplotlib", reason="it is in requirements/study.txt")

@@ -13,7 +13,7 @@ from browser import Browser, browser_path
 from fbql.report.page import write_page
 from fbql_behaviors.core.explanation import rules
 from fbql_behaviors.storage import load_tree
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from hostile_run import hostile_run
 from recorded_match import TREES, record_match
 from rewritten_run import rewrite

@@ -14,8 +14,10 @@ import yaml
 from commands import recover as recover_command
 from damaged_recordings import mcap_of, places_of, spoil
 from fbql_common.core.errors import BadInput
-from fbql_recording import Message, Recovery, open_run, recover
+from fbql_recording.mcap.reader import Message
 from fbql_recording.mcap.writer import McapWriter, WriterChannel
+from fbql_recording.recovery.recover import Recovery, recover
+from fbql_recording.run import open_run
 from mcap.opcode import Opcode
 from mutated_recordings import STORED, Original, chunks_of, mutated, record_originals, untruths
 from recorded_match import record_match

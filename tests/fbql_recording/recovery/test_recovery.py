@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 from damaged_recordings import attachment, mcap_of, places_of, spoil
-from fbql_recording import Recovery, open_run, recover
+from fbql_recording.recovery.recover import Recovery, recover
+from fbql_recording.run import open_run
 from fuzzing import bounded
 from javascript_reader import read_with_javascript
 from mcap.opcode import Opcode

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fbql_behaviors.core.observation import register as register_observation
     from fbql_common.core.errors import BadInput
     from fbql_fusion.core.registry import register_controller
-    from fbql_recording import open_run
+    from fbql_recording.run import open_run
 
     from fbql.api import InductionResult, LearnedPolicy, PlayResult, induce, play, train
 
@@ -35,7 +35,7 @@ _HOMES = {
     "LearnedPolicy": "fbql.api",
     "PlayResult": "fbql.api",
     "induce": "fbql.api",
-    "open_run": "fbql_recording",
+    "open_run": "fbql_recording.run",
     "play": "fbql.api",
     "register_controller": "fbql_fusion.core.registry",
     "register_observation": "fbql_behaviors.core.observation:register",

@@ -13,7 +13,7 @@ from typing import Any
 from fbql_common.core.errors import BadInput
 from fbql_common.core.text import as_lines
 from fbql_common.files import write_atomically
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts

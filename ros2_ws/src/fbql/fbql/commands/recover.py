@@ -11,7 +11,8 @@ from typing import Any
 
 from fbql_common.core.text import as_lines
 from fbql_common.files import remedy
-from fbql_recording import Gap, Recovery, recover
+from fbql_recording.recovery.parts import Gap
+from fbql_recording.recovery.recover import Recovery, recover
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts

@@ -12,7 +12,7 @@ from typing import Any
 from fbql_common.core.errors import BadInput
 from fbql_common.core.text import as_lines
 from fbql_common.files import atomic_text, output_directory
-from fbql_recording import Run, open_run
+from fbql_recording.run import Run, open_run
 from fbql_recording.tables import FORMATS, write_episodes, write_steps
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE

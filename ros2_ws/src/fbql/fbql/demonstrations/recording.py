@@ -12,9 +12,9 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.topic_names import WHEEL_COMMAND, WORLD
 from fbql_common.core.types import WheelCommand, World
 from fbql_common.files import output_directory, remedy, removed_on_failure
-from fbql_recording import Channel, Recorder
 from fbql_recording.bag_metadata import Qos
 from fbql_recording.message_definitions import step_messages
+from fbql_recording.recorder import Channel, Recorder
 
 PAUSE_NS = 1_000_000_000
 """Time between the demonstrations of `in_sequence` [ns]."""

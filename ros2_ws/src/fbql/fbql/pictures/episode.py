@@ -14,7 +14,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.field import BALL_RADIUS_M, FIELD, ROBOT_SIDE_M
 from fbql_common.core.types import Decision, World
 from fbql_common.files import write_atomically
-from fbql_recording import open_run
+from fbql_recording.run import open_run
 from fbql_sim.core.arena import SEGMENTS
 
 from fbql.cli.app import reporting

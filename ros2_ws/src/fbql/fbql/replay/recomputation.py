@@ -25,7 +25,7 @@ from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.session import Session
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import policy_from_bytes
-from fbql_recording import Run
+from fbql_recording.run import Run
 
 
 class OutOfPlace(Exception):

@@ -20,7 +20,8 @@ from fbql_common.core.errors import BadInput
 from fbql_common.middleware import prepare_middleware
 from fbql_common.terminal.screen import RawTerminal
 from fbql_common.topics import CLOCK
-from fbql_recording import Message, Run, Topic
+from fbql_recording.mcap.reader import Message, Topic
+from fbql_recording.run import Run
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException

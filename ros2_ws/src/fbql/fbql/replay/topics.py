@@ -15,10 +15,11 @@ from ament_index_python.packages import PackageNotFoundError, get_package_share_
 from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
 from fbql_common.topics import BALL_POSE, POSE_QOS, ROBOT_POSE, STEP_QOS, WALL_POSE, WORLD
-from fbql_recording import Run, Topic
 from fbql_recording.bag_metadata import INFINITE_NS
+from fbql_recording.mcap.reader import Topic
 from fbql_recording.message_definitions import essence, schema_text, type_hash
 from fbql_recording.plain_yaml import from_yaml
+from fbql_recording.run import Run
 from fbql_sim.views import markers_msg, pose_msgs
 from geometry_msgs.msg import PoseStamped
 from rclpy.duration import Duration

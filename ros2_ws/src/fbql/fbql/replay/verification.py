@@ -24,9 +24,10 @@ from fbql_common.core.types import BehaviorOutput, World
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.controllers.interface import Drawing
 from fbql_fusion.core.session import Session
-from fbql_recording import Corrupt, Run
 from fbql_recording.core.decoding import MessageCodec
 from fbql_recording.core.steps import StepData
+from fbql_recording.mcap.reader import Corrupt
+from fbql_recording.run import Run
 from fbql_recording.run_directory import own_revision, software_versions
 
 from fbql.cli.exit_codes import DONE, FAILED

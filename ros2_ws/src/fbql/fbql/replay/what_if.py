@@ -15,7 +15,8 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand
 from fbql_fusion.core.session import Session
-from fbql_recording import Run, Step
+from fbql_recording.core.steps import Step
+from fbql_recording.run import Run
 
 from fbql.replay.recomputation import OutOfPlace, RecordedSession
 

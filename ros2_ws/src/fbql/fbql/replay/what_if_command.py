@@ -24,7 +24,7 @@ from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.session import Session
 from fbql_fusion.policy_storage import load_policy
-from fbql_recording import Run
+from fbql_recording.run import Run
 
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import register_observations, unused_observations

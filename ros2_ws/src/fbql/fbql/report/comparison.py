@@ -18,7 +18,7 @@ from fbql_common.core import recording_names
 from fbql_common.core.errors import BadInput
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.node_parameters import FusionNodeParameters
-from fbql_recording import Run
+from fbql_recording.run import Run
 
 from fbql.report.contents import counted
 from fbql.report.texts import plain, value_text

@@ -15,9 +15,11 @@ from fbql_common.core import recording_names
 from fbql_common.core.errors import BadInput
 from fbql_common.core.field import AXLE_M, BALL_RADIUS_M, FIELD, ROBOT_SIDE_M, WHEEL_RADIUS_M
 from fbql_common.core.types import Phase
-from fbql_recording import Columns, Episode, Run, Step
-from fbql_recording.core.columns import BLOCK_STEPS, block_of
+from fbql_recording.core.columns import BLOCK_STEPS, Columns, block_of
+from fbql_recording.core.episodes import Episode
 from fbql_recording.core.packing import FLOAT32, Packing, pack
+from fbql_recording.core.steps import Step
+from fbql_recording.run import Run
 
 from fbql.report.texts import FEATURES, plain
 

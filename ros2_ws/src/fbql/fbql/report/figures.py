@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fbql_common.files import atomic_text, write_atomically
-from fbql_recording import Episode
+from fbql_recording.core.episodes import Episode
 from fbql_recording.core.metrics import OUTCOMES
 from matplotlib import rc_context
 from matplotlib.figure import Figure

@@ -16,7 +16,8 @@ from typing import Any, TextIO
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_recording import Episode, Run
+from fbql_recording.core.episodes import Episode
+from fbql_recording.run import Run
 
 from fbql.cli.words import percent
 from fbql.report.contents import UNIT, Contents, counted, page_data, read_contents
