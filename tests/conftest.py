@@ -97,7 +97,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Run]]:
 
     yield begin
     for run in started:
-        run.close()
+        run.kill()
 
 
 @pytest.fixture(scope="session")

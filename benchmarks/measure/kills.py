@@ -19,12 +19,9 @@ import argparse
 import contextlib
 import json
 import os
-import re
 import signal
-import subprocess
 import sys
 import tempfile
-import uuid
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
@@ -49,12 +46,12 @@ from fbql_recording.recovery.recover import recover
 from fbql_recording.run import open_run
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from measure.command_process import LATE_S, NODES, CommandProcess
 from measure.graph import MODES, ROOT
 from measure.rows import appended_rows, read_rows
 
 PROGRAM = "kills.py"
 LAUNCHER = "bringup"
-NODES = ("simulator", "ball_seeking", "wall_avoiding", "approaching", "fusion")
 TARGETS = {"many": (LAUNCHER, *NODES), "one": (LAUNCHER, "all nodes")}
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGKILL", "SIGSTOP")
 CONTROLLERS = ("subsumption", "uniform", "fbql_literal", "fbql_value", "fbql")
@@ -62,10 +59,6 @@ PHASES = ("start", "play")
 LONGEST_WAIT_S = 4.0
 """The signal comes up to this long after the start, or after the first command [s]."""
 HANG_S, GONE_S, START_S = 60.0, 5.0, 60.0
-LATE_S = 0.3
-"""How much later than it should a timer may come on a busy machine [s]."""
-MARK = "FBQL_KILL_STUDY"
-DOMAIN = re.compile(r"ROS_DOMAIN_ID=(\d+)")
 
 
 class Plan(NamedTuple):
@@ -110,59 +103,51 @@ class Listener(CommandNode):
         self.heard.append((monotonic(), (command.episode, command.step)))
 
 
-class Bringup:
-    """One bringup.py, whose processes all carry a mark in their environment."""
+class Ear:
+    """Hears the commands of a bring-up from when its domain is told."""
+
+    def __init__(self) -> None:
+        self._listener: Listener | None = None
+
+    @property
+    def heard(self) -> list[tuple[float, tuple[int, int]]]:
+        """As of `Listener`."""
+        return [] if self._listener is None else self._listener.heard
+
+    def join(self, domain_id: int | None) -> None:
+        """Joins the graph, unless it is not known yet or was joined before."""
+        if self._listener is None and domain_id is not None:
+            self._listener = Listener(domain_id)
+
+    def listen(self, duration_s: float) -> None:
+        """Listens for this long."""
+        sleep(duration_s) if self._listener is None else self._listener.look(duration_s)
+
+    def close(self) -> None:
+        """Leaves the graph."""
+        if self._listener is not None:
+            self._listener.close()
+
+
+class Bringup(CommandProcess):
+    """One bringup.py."""
 
     def __init__(self, plan: Plan, place: Path) -> None:
         self.out = place / "run"
-        self._mark = f"{MARK}={uuid.uuid4().hex}"
-        self._stdout, self._stderr = place / "stdout", place / "stderr"
         options = ["--json", "--controller", plan.controller, "--processes", plan.processes]
         options += ["--episodes", "1000000", "--seed", str(plan.number), "--out", str(self.out)]
-        name, value = self._mark.split("=")
-        environment = {key: text for key, text in os.environ.items() if key != "ROS_DOMAIN_ID"} | {name: value}
-        with self._stdout.open("wb") as stdout, self._stderr.open("wb") as stderr:
-            command = [sys.executable, str(ROOT / "scripts" / "bringup.py"), *options]
-            self.popen = subprocess.Popen(
-                command, env=environment, stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr, start_new_session=True
-            )
-
-    @property
-    def stdout(self) -> str:
-        return self._stdout.read_text(errors="replace")
-
-    @property
-    def stderr(self) -> str:
-        return self._stderr.read_text(errors="replace")
+        environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
+        super().__init__([sys.executable, str(ROOT / "scripts" / "bringup.py"), *options], place, environment)
 
     @property
     def has_ended(self) -> bool:
         return self.popen.poll() is not None
 
-    def processes(self) -> dict[int, str]:
-        """The command lines of all its processes, by process id."""
-        found: dict[int, str] = {}
-        for directory in Path("/proc").iterdir():
-            if directory.name.isdigit():
-                with contextlib.suppress(OSError):
-                    if self._mark.encode() in (directory / "environ").read_bytes().split(b"\0"):
-                        found[int(directory.name)] = (directory / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-        return found
-
     def process_of(self, target: str) -> int | None:
         """The process id of a node, of the process of all nodes, or of bringup.py itself; None while there is none."""
         if target == LAUNCHER:
             return self.popen.pid
-        nodes = {pid: line for pid, line in self.processes().items() if "--ros-args" in line}
-        of_target = [pid for pid, line in nodes.items() if target not in NODES or f"/{target} " in line]
-        return of_target[0] if of_target else None
-
-    def kill(self) -> None:
-        """Kills whatever is left of it."""
-        for pid in self.processes():
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
-        self.popen.wait()
+        return self.nodes().get(target) if target in NODES else next(iter(self.ros_processes()), None)
 
 
 def run_once(plan: Plan) -> dict[str, Any]:
@@ -170,57 +155,52 @@ def run_once(plan: Plan) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as directory:
         bringup = Bringup(plan, Path(directory))
         try:
-            seen = _signalled(plan, bringup)
+            seen = _seen(plan, bringup)
         finally:
             bringup.kill()
         return {**plan._asdict(), **seen}
 
 
-def _signalled(plan: Plan, bringup: Bringup) -> dict[str, Any]:
-    deadline = monotonic() + START_S
-    faults: list[str] = []
-    heard: list[tuple[float, tuple[int, int]]] = []
-    with contextlib.ExitStack() as stack:
-        listener: Listener | None = None
-        begun_s = monotonic() if plan.phase == "start" else None
-        process: int | None = None
-        while True:  # until the signal is sent
-            if bringup.has_ended or monotonic() > deadline:
-                return {"faults": [f"it never came to the signal: {bringup.stderr[-300:]}"]}
-            domain = DOMAIN.search(bringup.stderr)
-            if listener is None and domain is not None:
-                listener = stack.enter_context(closing(Listener(int(domain[1]))))
-            if listener is not None:
-                listener.look(0.01)
-                if begun_s is None and listener.heard:
-                    begun_s = monotonic()
-            else:
-                sleep(0.01)
-            if begun_s is not None and monotonic() >= begun_s + plan.after_s:
-                process = bringup.process_of(plan.target)
-                if process is not None:
-                    break
+def _seen(plan: Plan, bringup: Bringup) -> dict[str, Any]:
+    """Sends the signal when it is time, waits for the end, and checks everything."""
+    with closing(Ear()) as ear:
+        process = _process_in_time(plan, bringup, ear)
+        if process is None:
+            return {"faults": [f"it never came to the signal: {bringup.stderr[-300:]}"]}
         sent_s = monotonic()
         with contextlib.suppress(ProcessLookupError):
             os.kill(process, signal.Signals[plan.signal])
         while not bringup.has_ended and monotonic() < sent_s + HANG_S:
-            listener.look(0.01) if listener is not None else sleep(0.01)
+            ear.listen(0.01)
         ended_s = monotonic() - sent_s
-        if listener is not None:
-            listener.look(0.05)
-            heard = listener.heard
-    if not bringup.has_ended:
-        faults.append(f"it hangs: after {HANG_S:g} s it has not ended")
+        ear.listen(0.05)
+    faults = [] if bringup.has_ended else [f"it hangs: after {HANG_S:g} s it has not ended"]
     faults += _left_behind(bringup)
-    seen = {"exit_code": bringup.popen.poll(), "ended_s": round(ended_s, 3), "heard": len(heard)}
+    seen = {"exit_code": bringup.popen.poll(), "ended_s": round(ended_s, 3), "heard": len(ear.heard)}
     faults += _said(plan, bringup)
     try:
-        recording = _recording(bringup.out, heard, sent_s)
+        recording = _recording(bringup.out, ear.heard, sent_s)
     except (BadInput, AssertionError, ValueError) as error:
         recording = {"recording": "unusable"}
         faults.append(f"the recording can't be used: {error}")
     faults += recording.pop("faults", [])
     return {**seen, **recording, "faults": faults}
+
+
+def _process_in_time(plan: Plan, bringup: Bringup, ear: Ear) -> int | None:
+    """Waits until it is time for the signal; the process id of its target. None if it never came to that."""
+    deadline = monotonic() + START_S
+    begun_s = monotonic() if plan.phase == "start" else None
+    while not bringup.has_ended and monotonic() <= deadline:
+        ear.join(bringup.domain_id)
+        ear.listen(0.01)
+        if begun_s is None and ear.heard:
+            begun_s = monotonic()
+        if begun_s is not None and monotonic() >= begun_s + plan.after_s:
+            process = bringup.process_of(plan.target)
+            if process is not None:
+                return process
+    return None
 
 
 def _left_behind(bringup: Bringup) -> Iterator[str]:

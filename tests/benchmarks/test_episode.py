@@ -12,18 +12,13 @@ from fbql_behaviors.storage import load_tree
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.session import Session
 from fbql_sim.core.world_loop import WorldLoop
-from places import ROOT
-
-BENCHMARKS = ROOT / "benchmarks"
+from measure import episode
 
 
 @pytest.mark.parametrize("controller", [pytest.param("fbql_literal", marks=pytest.mark.long), "fbql", "subsumption"])
 def test_the_benchmark_of_an_episode_prints_one_object_with_its_figures(
-    controller: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    controller: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    from measure import episode
-
     assert (
         episode.main(["--controller", controller, "--steps", "1500", "--rounds", "3", "--warm-up", "2", "--json"]) == 0
     )
@@ -53,12 +48,7 @@ def test_the_benchmark_of_an_episode_prints_one_object_with_its_figures(
     assert (session.digest, session.steps) == (result["digest"], result["steps"])
 
 
-def test_numbers_out_of_range_are_refused_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    from measure import episode
-
+def test_numbers_out_of_range_are_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         episode.main(["--rounds", "0"])
     assert ended.value.code == 2

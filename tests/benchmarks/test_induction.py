@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 
 import pytest
-from places import ROOT
+from measure import induction
 
-BENCHMARKS = ROOT / "benchmarks"
 KEYS = {"rl50_ms", "dp_ms", "cart_ms", "dp_over_cart", "decision_us"}
 
 
@@ -15,9 +14,6 @@ def test_the_benchmark_of_induction_prints_one_object_with_its_figures(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("sklearn", reason="CART is scikit-learn's, which is in requirements/study.txt")
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    from measure import induction
-
     monkeypatch.setattr(induction, "GROWTH", (1000, 2000))
     assert induction.main(["--rounds", "1", "--growth", "--json"]) == 0
     printed = capsys.readouterr().out

@@ -1,7 +1,4 @@
-"""`scripts/bringup.py` as a real process: started, watched, signalled, and what it leaves behind.
-
-Every process of a run carries a mark of its own in its environment, by which all of them are found and nobody else's.
-"""
+"""`scripts/bringup.py` as a real process: started, watched, signalled, and what it leaves behind."""
 
 from __future__ import annotations
 
@@ -16,16 +13,15 @@ import subprocess
 import sys
 import termios
 import threading
-import uuid
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import monotonic
 
 import pytest
+from measure.command_process import CommandProcess
 from places import ROOT
 
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
-NODES = ("simulator", *BEHAVIORS, "fusion")
 PATIENCE_S = 60.0
 END_S = 5.0
 """Within this everything has ended after it was asked to (faults 27 and 28) [s]."""
@@ -40,12 +36,11 @@ HOSTILE = {
     "LINES": "-1",
 }
 """Variables that a command is told of, sets aside or works with, and that change no result."""
-_MARK = "FBQL_TEST_RUN"
 _PERSONAL = ("ROS_DOMAIN_ID", "ROS_LOG_DIR", "ROS_HOME", "ROS_SECURITY_ENABLE", "ROS_AUTOMATIC_DISCOVERY_RANGE")
 _NAMESPACE = ("unshare", "--user", "--map-root-user", "--mount")
 
 
-class Run:
+class Run(CommandProcess):
     """One command of ours as a process.
 
     Args:
@@ -70,41 +65,22 @@ class Run:
     ) -> None:
         self.place = place
         self.out = place / "run"
-        self.mark = uuid.uuid4().hex
-        self._stdout, self._stderr = place / "stdout.txt", place / "stderr.txt"
-        own = {**dict.fromkeys(_PERSONAL), **(environment or {}), _MARK: self.mark}
+        own = {**dict.fromkeys(_PERSONAL), **(environment or {})}
         merged = {**({"PATH": os.defpath, "HOME": str(place)} if from_a_shell else os.environ), **own}
         python = f"{sys.base_prefix}/bin/python3" if from_a_shell else sys.executable
-        with self._stdout.open("wb") as stdout, self._stderr.open("wb") as stderr:
-            self.popen = subprocess.Popen(
-                [*before, python, str(ROOT / "scripts" / script), *arguments],
-                env={name: value for name, value in merged.items() if value is not None},
-                cwd=place,
-                stdin=subprocess.DEVNULL if terminal is None else terminal.descriptor,
-                stdout=stdout,
-                stderr=stderr if terminal is None else terminal.descriptor,
-                start_new_session=True,
-                preexec_fn=None if terminal is None else _take_terminal,
-            )
+        super().__init__(
+            [*before, python, str(ROOT / "scripts" / script), *arguments],
+            place,
+            {name: value for name, value in merged.items() if value is not None},
+            None if terminal is None else terminal.descriptor,
+        )
         if terminal is not None:
             os.close(terminal.descriptor)
-
-    # What it says
-
-    @property
-    def stdout(self) -> str:
-        return self._stdout.read_text(errors="replace")
-
-    @property
-    def stderr(self) -> str:
-        return self._stderr.read_text(errors="replace")
 
     def log(self, name: str) -> str:
         """What a process of the graph printed."""
         path = self.out / "log" / f"{name}.log"
         return path.read_text(errors="replace") if path.exists() else ""
-
-    # How it goes on
 
     def until(self, condition: Callable[[], object], what: str, timeout_s: float = PATIENCE_S) -> None:
         """Waits until something is so, while it runs."""
@@ -132,25 +108,6 @@ class Run:
         """Signals the launcher alone."""
         self.popen.send_signal(number)
 
-    # The processes of its graph
-
-    def processes(self) -> dict[int, str]:
-        """Command lines of all processes with its mark, by process id."""
-        found: dict[int, str] = {}
-        mark = f"{_MARK}={self.mark}".encode()
-        for directory in Path("/proc").iterdir():
-            if directory.name.isdigit():
-                with contextlib.suppress(OSError):
-                    if mark in (directory / "environ").read_bytes().split(b"\0"):
-                        words = (directory / "cmdline").read_bytes().split(b"\0")
-                        found[int(directory.name)] = " ".join(word.decode() for word in words)
-        return found
-
-    def nodes(self) -> dict[str, int]:
-        """Process ids of the nodes that run, by name."""
-        lines = {pid: line for pid, line in self.processes().items() if "--ros-args" in line}
-        return {name: pid for name in NODES for pid, line in lines.items() if f"/{name} " in line}
-
     def gone_within(self, timeout_s: float) -> None:
         """Waits until no process of it is left."""
         deadline = monotonic() + timeout_s
@@ -159,24 +116,10 @@ class Run:
                 pytest.fail(f"after {timeout_s:g} s there still are {left}")
             self._pause()
 
-    def close(self) -> None:
-        """Kills what is left of it."""
-        if self.popen.poll() is None:
-            self.popen.kill()
-            self.popen.wait(PATIENCE_S)
-        for pid in self.processes():
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
-
     @staticmethod
     def _pause() -> None:
         """Between two looks."""
         select.select([], [], [], 0.02)
-
-
-def _take_terminal() -> None:
-    """Makes the terminal that is stdin the controlling one, so that it sends its signals here."""
-    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
 
 class Terminal:

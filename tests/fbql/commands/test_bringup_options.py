@@ -48,7 +48,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     place = tmp_path_factory.mktemp("short")
     run = Run(place, [*ONE, "--episodes", "2", *options, "--out", str(place / "run")])
     yield well_ended(run)
-    run.close()
+    run.kill()
 
 
 def test_an_episode_that_takes_too_long_is_a_timeout_and_no_success(short: Run) -> None:

@@ -63,7 +63,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     run = Run(place, words, from_a_shell="ROS_DISTRO" not in os.environ)
     assert run.exit_code() == 0, run.stderr
     yield run
-    run.close()
+    run.kill()
 
 
 @pytest.fixture(scope="module")

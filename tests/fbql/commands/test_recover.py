@@ -6,7 +6,6 @@ import errno
 import json
 import os
 import random
-import re
 import signal
 import subprocess
 import sys
@@ -16,32 +15,29 @@ from pathlib import Path
 from time import monotonic
 
 import pytest
-from bringup_run import ROOT, Run
+from bringup_run import Run
 from commands import recover
 from fbql_recording.run import open_run
 from javascript_reader import IS_THERE, read_with_javascript
+from measure.command_process import LATE_S
+from places import ROOT
 from recorded_match import record_match
 from rosbags.highlevel import AnyReader
 from run_directory_reader import finalised, parameters_of, summary_of
 from verified_run import verification_of
 
 Start = Callable[..., Run]
-DOMAIN = re.compile(r"ROS_DOMAIN_ID=(\d+)")
 WITNESS = ROOT / "tests" / "helpers" / "command_witness.py"
-LATE_S = 0.3
-"""How much later than it should a timer may come on a busy machine [s]."""
 
 
 class Witness:
     """Another process that hears every command of a run, and when."""
 
     def __init__(self, run: Run) -> None:
-        run.until(lambda: DOMAIN.search(run.stderr), "its domain is told")
-        found = DOMAIN.search(run.stderr)
-        assert found is not None
+        run.until(lambda: run.domain_id is not None, "its domain is told")
         self._path = run.place / "commands.txt"
         self._popen = subprocess.Popen(
-            [sys.executable, str(WITNESS), found[1], str(self._path)],
+            [sys.executable, str(WITNESS), str(run.domain_id), str(self._path)],
             env={**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_LOG_DIR": str(run.place)},
         )
         run.until(lambda: self._path.exists() and self._path.stat().st_size, "the first command is heard")

@@ -30,7 +30,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     run = Run(place, [*words, "--out", str(place / "run")])
     assert run.exit_code() == 0, run.stderr
     yield run.out
-    run.close()
+    run.kill()
 
 
 def test_a_run_of_the_graph_is_verified_step_by_step(recorded, start):

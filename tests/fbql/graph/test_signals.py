@@ -10,7 +10,8 @@ import signal
 from collections.abc import Callable
 
 import pytest
-from bringup_run import END_S, NODES, Run, Terminal
+from bringup_run import END_S, Run, Terminal
+from measure.command_process import NODES
 from run_directory_reader import finalised, summary_of
 
 Start = Callable[..., Run]

@@ -32,7 +32,7 @@ def test_a_controller_in_one_file_takes_part_everywhere(tmp_path: Path, capsys: 
     try:
         assert run.exit_code() == 0, run.stderr
     finally:
-        run.close()
+        run.kill()
     summary = json.loads(run.stdout)
     assert (summary["digest"], summary["controller"]) == (digest, "Bandit")
 
@@ -82,7 +82,7 @@ def test_a_run_whose_learned_values_cannot_be_kept_is_finished_as_incomplete(
     try:
         assert run.exit_code() == 3, run.stderr
     finally:
-        run.close()
+        run.kill()
     assert line in run.stderr
     for directory in (tmp_path / "trained", run.out):
         summary = json.loads((directory / "summary.json").read_text())

@@ -1,0 +1,98 @@
+"""A command of ours as a process, with all that it starts: for studies of bring-ups, and for the tests.
+
+Every process of it carries a mark of its own in its environment, by which all of them are found and nobody else's.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import re
+import signal
+import subprocess
+import termios
+import uuid
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+NODES = ("simulator", "ball_seeking", "wall_avoiding", "approaching", "fusion")
+LATE_S = 0.3
+"""How much later than it should a timer may come on a busy machine [s]."""
+_MARK = "FBQL_PROCESS_MARK"
+_DOMAIN = re.compile(r"ROS_DOMAIN_ID=(\d+)")
+
+
+class CommandProcess:
+    """A command that runs in a session of its own.
+
+    Args:
+        command: the program and its arguments.
+        place: its working directory, which also gets its output.
+        environment: its variables, but for the mark.
+        terminal: the descriptor of a terminal, which becomes its controlling one, and takes its stderr.
+    """
+
+    def __init__(
+        self, command: Sequence[str], place: Path, environment: Mapping[str, str], terminal: int | None = None
+    ) -> None:
+        self._mark = f"{_MARK}={uuid.uuid4().hex}"
+        self._stdout, self._stderr = place / "stdout.txt", place / "stderr.txt"
+        name, value = self._mark.split("=")
+        with self._stdout.open("wb") as stdout, self._stderr.open("wb") as stderr:
+            self.popen = subprocess.Popen(
+                command,
+                env={**environment, name: value},
+                cwd=place,
+                stdin=subprocess.DEVNULL if terminal is None else terminal,
+                stdout=stdout,
+                stderr=stderr if terminal is None else terminal,
+                start_new_session=True,
+                preexec_fn=None if terminal is None else _take_terminal,
+            )
+
+    @property
+    def stdout(self) -> str:
+        return self._stdout.read_text(errors="replace")
+
+    @property
+    def stderr(self) -> str:
+        return self._stderr.read_text(errors="replace")
+
+    @property
+    def domain_id(self) -> int | None:
+        """The domain of its graph; None before it is told."""
+        found = _DOMAIN.search(self.stderr)
+        return None if found is None else int(found[1])
+
+    def processes(self) -> dict[int, str]:
+        """The command lines of all its processes, by process id."""
+        found: dict[int, str] = {}
+        for directory in Path("/proc").iterdir():
+            if directory.name.isdigit():
+                with contextlib.suppress(OSError):
+                    if self._mark.encode() in (directory / "environ").read_bytes().split(b"\0"):
+                        found[int(directory.name)] = (directory / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        return found
+
+    def ros_processes(self) -> dict[int, str]:
+        """The command lines of those of them that are nodes, by process id."""
+        return {pid: line for pid, line in self.processes().items() if "--ros-args" in line}
+
+    def nodes(self) -> dict[str, int]:
+        """The process ids of the nodes that run in a process each, by name."""
+        lines = self.ros_processes()
+        return {name: pid for name in NODES for pid, line in lines.items() if f"/{name} " in line}
+
+    def kill(self) -> None:
+        """Kills whatever is left of it."""
+        self.popen.kill()
+        self.popen.wait()
+        for pid in self.processes():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+
+
+def _take_terminal() -> None:
+    """Makes the terminal that is stdin the controlling one, so that it sends its signals here."""
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
