@@ -7,9 +7,10 @@ rule).
 
 from __future__ import annotations
 
-import fcntl
 from contextlib import suppress
 from pathlib import Path
+
+from fbql_common.files import is_locked
 
 SHARED_MEMORY = Path("/dev/shm")
 SUFFIXES = ("_el", "_sl")
@@ -19,7 +20,7 @@ SUFFIXES = ("_el", "_sl")
 def remove_leftovers(directory: Path = SHARED_MEMORY) -> list[str]:
     """Removes the segments and ports whose owners are dead; returns their names. Skips what belongs to other users."""
     names = {path.name.removesuffix("_el").removesuffix("_sl") for path in directory.glob("fastrtps_*")}
-    dead = sorted(name for name in names if not any(_is_locked(directory / f"{name}{suffix}") for suffix in SUFFIXES))
+    dead = sorted(name for name in names if not any(_is_in_use(directory / f"{name}{suffix}") for suffix in SUFFIXES))
     for name in dead:
         for file in (name, *(f"{name}{suffix}" for suffix in SUFFIXES), f"sem.{name}_mutex"):
             with suppress(OSError):
@@ -27,13 +28,11 @@ def remove_leftovers(directory: Path = SHARED_MEMORY) -> list[str]:
     return dead
 
 
-def _is_locked(path: Path) -> bool:
+def _is_in_use(path: Path) -> bool:
     """Whether a process holds the lock; True, too, where that cannot be told."""
     try:
-        with path.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return is_locked(path)
     except FileNotFoundError:
         return False
     except OSError:
         return True
-    return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import shutil
 from collections.abc import Generator
@@ -168,6 +169,16 @@ def check_output(path: Path) -> Path:
     if longest > MAX_NAME_BYTES:
         raise BadInput(f"{path}: a name of {longest} bytes; choose one of at most {MAX_NAME_BYTES}")
     return path
+
+
+def is_locked(path: Path) -> bool:
+    """Whether a process holds the lock (flock) of a file. Raises OSError where the file can't be opened."""
+    with path.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
 
 
 def read_file(path: Path, most_bytes: int) -> bytes:

@@ -7,7 +7,6 @@ which binds every socket to 127.0.0.1, and variables that would make discovery l
 
 from __future__ import annotations
 
-import fcntl
 import os
 import re
 import socket
@@ -18,6 +17,7 @@ from pathlib import Path
 from ament_index_python import get_resources
 
 from fbql_common.core.errors import BadInput
+from fbql_common.files import is_locked
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -121,15 +121,10 @@ def _is_stale_lock(path: Path) -> bool:
     """Whether the lock file of a port is held although the port is not there, or is no port: Fast DDS would wait for it."""
     port = path.with_name(path.name.removesuffix("_el"))
     try:
-        if port.exists() and port.stat().st_size >= os.sysconf("SC_PAGE_SIZE"):
-            return False
-        with path.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
+        is_port = port.exists() and port.stat().st_size >= os.sysconf("SC_PAGE_SIZE")
+        return not is_port and is_locked(path)
     except OSError:
         return False
-    return False
 
 
 def _is_denied(path: Path) -> bool:
