@@ -105,13 +105,13 @@ def _work(module: str, task: StudyTask, directory: str, launcher: int) -> None:
         try:
             result = import_module(module).run(task.parameters)
         except Exception as error:  # any error is reported, and the other tasks continue
-            write_failure(directory, task.key, one_line(error))
+            write_failure(directory, task.key, error_line(error))
             sys.exit(1)
         write_result(directory, task.key, result)
     except OSError as error:
         sys.exit(_DISK_FAILED + DISK_FAILURES.index(error.errno) if error.errno in DISK_FAILURES else 1)
     except ValueError as error:  # a number that is not finite
-        write_failure(directory, task.key, one_line(error))
+        write_failure(directory, task.key, error_line(error))
         sys.exit(1)
 
 
@@ -123,8 +123,8 @@ def _raise_disk_failure(exitcode: int | None, store: Store) -> None:
         raise OSError(number, os.strerror(number), str(store.directory))
 
 
-def one_line(error: BaseException) -> str:
-    """An exception in one line."""
+def error_line(error: BaseException) -> str:
+    """An exception in one line, with its type."""
     return " ".join("".join(format_exception_only(error)).split())
 
 
@@ -144,7 +144,7 @@ def run_on_cluster(
         try:
             client = Client(scheduler, timeout=_CONNECT_S)
         except (OSError, ValueError) as error:
-            raise BadInput(f"--scheduler {scheduler}: {one_line(error)}; is a Dask scheduler running there?") from None
+            raise BadInput(f"--scheduler {scheduler}: {error_line(error)}; is a Dask scheduler running there?") from None
     with _without_logs(), client:
         run = uuid4().hex  # two runs on one cluster must not mistake each other's results for their own
         waiting: dict[Future, StudyTask] = {
@@ -164,7 +164,7 @@ def run_on_cluster(
             try:
                 ended = wait(list(waiting), timeout=_POLL_S, return_when="FIRST_COMPLETED").done
                 done = {future: future.result() for future in ended if future.status == "finished"}
-                failed = {future: one_line(future.exception()) for future in ended if future.status == "error"}
+                failed = {future: error_line(future.exception()) for future in ended if future.status == "error"}
             except TimeoutError:
                 continue
             except (CancelledError, OSError):
