@@ -15,9 +15,10 @@ from time import perf_counter
 from typing import Any
 
 from fbql_common.core.parameters import parameter
+from fbql_common.core.topic_names import DECISION, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.declare import declare_parameters
+from fbql_common.qos import STEP_QOS
 from fbql_common.spin import GraphNode, spin
-from fbql_common.topics import DECISION, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.watch import steady_timer
 from fbql_msgs.msg import BehaviorOutput, FusionDecision, WheelCommand, WorldState
 from rclpy.serialization import serialize_message

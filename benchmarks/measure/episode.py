@@ -33,7 +33,8 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
-from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters
+from fbql_fusion.core.controllers.parameters import CONTROLLERS
+from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session, episode_seed
 from fbql_sim.core import physics as chipmunk

@@ -38,7 +38,7 @@ from fbql.graph.observer import CommandNode
 from fbql.replay.recomputation import RecordedBehaviors, recorded_parameters, recorded_policy, recorded_trees
 from fbql.replay.verification import verify
 from fbql_common.core.errors import BadInput
-from fbql_common.topics import WHEEL_COMMAND
+from fbql_common.core.topic_names import WHEEL_COMMAND
 from fbql_common.wire import decode_command
 from fbql_fusion.core.session import Session
 from fbql_msgs.msg import WheelCommand

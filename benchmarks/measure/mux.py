@@ -22,9 +22,9 @@ from time import perf_counter, process_time
 import domain_coordinator
 from ament_index_python.packages import get_package_prefix
 from fbql.cli.parser import Parser
+from fbql_common.core.topic_names import MUX_OUTPUT
 from fbql_common.core.twist import Twist
 from fbql_common.spin import FAILED, GraphNode, spin
-from fbql_common.topics import MUX_OUTPUT
 from fbql_common.watch import steady_timer
 from fbql_common.wire import MESSAGES, decode_twist
 from fbql_fusion.core.mux.config import Lock, MuxConfig, Source

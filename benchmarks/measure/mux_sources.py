@@ -13,8 +13,8 @@ from time import perf_counter
 from fbql_common.core.parameters import parameter
 from fbql_common.core.twist import Twist
 from fbql_common.declare import declare_parameters
+from fbql_common.qos import COMMAND_QOS
 from fbql_common.spin import GraphNode, spin
-from fbql_common.topics import COMMAND_QOS
 from fbql_common.watch import steady_timer
 from fbql_common.wire import MESSAGES, encode_twist
 from rclpy.publisher import Publisher

@@ -15,7 +15,8 @@ from typing import Never
 import pytest
 from environment.progress import Step
 from environment.set_up import PIP_BEGINS, SetUp
-from setup_checkout import ROOT, command, fresh_environment, make_checkout, run, start
+from places import ROOT
+from setup_checkout import command, fresh_environment, make_checkout, run, start
 from setup_target import made_target
 
 SPEAK = ("ros2", "run", "speaker", "speak")

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import pytest
 from environment import enter
 from environment.target import lock_entries
+from places import ROOT
 from setup_checkout import (
-    ROOT,
     START_TIMEOUT_S,
     command,
     fresh_environment,

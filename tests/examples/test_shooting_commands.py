@@ -10,9 +10,10 @@ from pathlib import Path
 
 import domain_coordinator
 import pytest
-from bringup_run import ROOT, Run
+from bringup_run import Run
 from commands import train
 from fbql_behaviors.storage import load_tree
+from places import ROOT
 from run_directory_reader import digest_of, messages_of, parameters_of, summary_of
 
 Start = Callable[..., Run]

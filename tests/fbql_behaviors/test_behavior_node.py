@@ -11,8 +11,9 @@ from fbql_behaviors.observation_loading import load_observation
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common import watch
 from fbql_common.core.errors import BadInput
+from fbql_common.core.topic_names import CLOCK, WORLD, behavior_topic
 from fbql_common.core.types import BehaviorOutput
-from fbql_common.topics import CLOCK, POSE_QOS, STEP_QOS, WORLD, behavior_topic
+from fbql_common.qos import POSE_QOS, STEP_QOS
 from fbql_common.wire import encode_world
 from fbql_msgs.msg import WorldState
 from hand_driven import STEP_NS, Partner, listen, shipped_tree, world_at

@@ -5,9 +5,9 @@ import signal
 from concurrent.futures import ThreadPoolExecutor
 from time import monotonic
 
+from fbql_common.core.topic_names import WORLD
 from fbql_common.core.types import World
 from fbql_common.spin import BAD_INPUT, DONE
-from fbql_common.topics import WORLD
 from fbql_sim.core.world_loop import WorldLoop
 from hand_driven import Partner, listen, shipped_tree
 

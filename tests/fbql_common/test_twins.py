@@ -5,9 +5,9 @@ import signal
 
 import pytest
 from bringup_run import Run
+from fbql_common.core.topic_names import WHEEL_COMMAND
 from fbql_common.core.types import WheelCommand
 from fbql_common.spin import DONE, FAILED
-from fbql_common.topics import WHEEL_COMMAND
 from fbql_fusion.fusion_node import FusionNode
 from fbql_sim.simulator_node import SimulatorNode
 from hand_driven import FakeBehavior, FakeSimulator, Partner, listen

@@ -14,7 +14,8 @@ from fbql_common import own_code
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, parameter
 from fbql_fusion.controller_loading import resolve_controller
-from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters, unused_parameters
+from fbql_fusion.core.controllers.parameters import CONTROLLERS
+from fbql_fusion.core.parameters import FusionParameters, unused_parameters
 from fbql_fusion.core.registry import fusion_parameters, learns, make_controller, register_controller, source_file
 from fbql_fusion.core.session import Session
 from own_controller import NOT_SAVED, bandit, only_ours

@@ -7,9 +7,10 @@ from time import monotonic
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fbql_common.core.topic_names import CLOCK, DECISION, DIAGNOSTICS, behavior_topic
 from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, Decision
+from fbql_common.qos import POSE_QOS
 from fbql_common.spin import DONE, FAILED
-from fbql_common.topics import CLOCK, DECISION, DIAGNOSTICS, POSE_QOS, behavior_topic
 from fbql_common.wire import encode_output, encode_world
 from fbql_fusion import fusion_node
 from fbql_fusion.core.session import episode_seed

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fbql_fusion.policy_storage import Policy, policy_bytes, policy_from_bytes
+from fbql_fusion.core.policy import Policy
+from fbql_fusion.policy_storage import policy_bytes, policy_from_bytes
 from fbql_fusion.run_recorder import launcher_parameters
 from fuzzing import dice, odd_bytes, odd_copy, odd_value, read_or_refused
 

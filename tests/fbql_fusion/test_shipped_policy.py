@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from bringup_run import ROOT, Run
+from bringup_run import Run
 from fbql.match.in_process import play
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.storage import load_tree
@@ -16,6 +16,7 @@ from fbql_fusion.core.session import Session
 from fbql_fusion.policy_storage import load_policy
 from fbql_recording.core.metrics import Summary
 from fbql_sim.core.world_loop import WorldLoop
+from places import ROOT
 
 TREES = ROOT / "ros2_ws/src/fbql_behaviors/fbql_behaviors/trees"
 POLICY = ROOT / "ros2_ws/src/fbql_fusion/fbql_fusion/policies/fbql.npz"

@@ -6,8 +6,9 @@ from time import monotonic
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from fbql_common.core.errors import BadInput
+from fbql_common.core.topic_names import CLOCK, DIAGNOSTICS
 from fbql_common.core.twist import StampedTwist, Twist
-from fbql_common.topics import CLOCK, DIAGNOSTICS, POSE_QOS
+from fbql_common.qos import POSE_QOS
 from fbql_common.wire import MESSAGES, encode_stamped_twist, encode_twist
 from fbql_fusion.twist_mux_node import TwistMuxNode
 from hand_driven import Partner

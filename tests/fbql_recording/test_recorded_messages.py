@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import get_package_share_directory
 from builtin_interfaces.msg import Time
-from fbql_common.topics import STEP_QOS
+from fbql_common.qos import STEP_QOS
 from fbql_msgs.msg import BehaviorOutput, FusionDecision, WheelCommand, WorldState
 from fbql_recording.bag_metadata import INFINITE_NS, Qos, qos_of
 from fbql_recording.message_definitions import schema_text, type_hash

@@ -18,7 +18,8 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.types import Decision
 from fbql_recording.core.decoding import MessageCodec
 from fbql_recording.core.ros2msg import fields_of
-from fbql_recording.mcap.reader import MAX_RECORD_BYTES, Corrupt
+from fbql_recording.mcap.format import MAX_RECORD_BYTES
+from fbql_recording.mcap.reader import Corrupt
 from fbql_recording.run import Run, open_run
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, MetadataIndex

@@ -12,7 +12,8 @@ import pytest
 from fbql_common.core.errors import BadInput
 from fbql_recording.run import open_run
 from fbql_recording.tables import episodes_frame, steps_frame, write_episodes, write_steps
-from recorded_match import ROOT, record_match
+from places import ROOT
+from recorded_match import record_match
 
 OPTIONAL = "it is in requirements/study.txt"
 

@@ -5,19 +5,10 @@ from time import monotonic
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fbql_common.core.topic_names import BALL_POSE, CLOCK, DIAGNOSTICS, ROBOT_POSE, WALL_POSE, WHEEL_COMMAND, WORLD
 from fbql_common.core.types import WheelCommand, World
+from fbql_common.qos import POSE_QOS, STEP_QOS
 from fbql_common.spin import FAILED
-from fbql_common.topics import (
-    BALL_POSE,
-    CLOCK,
-    DIAGNOSTICS,
-    POSE_QOS,
-    ROBOT_POSE,
-    STEP_QOS,
-    WALL_POSE,
-    WHEEL_COMMAND,
-    WORLD,
-)
 from fbql_common.wire import NS, encode_command
 from fbql_msgs.msg import WheelCommand as WheelCommandMsg
 from fbql_msgs.srv import ResetEpisode

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 import yaml
 from fbql_behaviors.behavior_node import BehaviorNode
+from fbql_common.core.topic_names import DECISION, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.core.types import FIELD_FRAME
-from fbql_common.topics import DECISION, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_msgs.msg import BehaviorOutput, FusionDecision, WheelCommand, WorldState
 from fbql_sim.simulator_node import SimulatorNode
 from fbql_sim.views import markers_msg

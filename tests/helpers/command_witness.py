@@ -13,7 +13,7 @@ from time import monotonic_ns
 from typing import TextIO
 
 import rclpy
-from fbql_common.topics import WHEEL_COMMAND
+from fbql_common.core.topic_names import WHEEL_COMMAND
 from fbql_common.wire import decode_command
 from fbql_msgs.msg import WheelCommand
 from rclpy.experimental import EventsExecutor

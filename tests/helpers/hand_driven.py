@@ -15,9 +15,10 @@ from typing import Any
 import pytest
 import rclpy
 from ament_index_python.packages import get_package_share_directory
+from fbql_common.core.topic_names import RESET_EPISODE, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from fbql_common.qos import STEP_QOS
 from fbql_common.spin import GraphNode
-from fbql_common.topics import RESET_EPISODE, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.wire import (
     MESSAGES,
     Rejected,

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from fbql_common.core.topic_names import MUX_OUTPUT
 from fbql_common.core.twist import StampedTwist, Twist
-from fbql_common.topics import COMMAND_QOS, LATCHED_QOS, MUX_OUTPUT, STEP_QOS
+from fbql_common.qos import COMMAND_QOS, LATCHED_QOS, STEP_QOS
 from fbql_common.wire import (
     MESSAGES,
     decode_stamped_twist,

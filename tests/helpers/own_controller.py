@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fbql_fusion.core import registry
-from fbql_fusion.core.parameters import CONTROLLERS
+from fbql_fusion.core.controllers.parameters import CONTROLLERS
 
 SOURCE = '''"""A bandit: every behavior has a value, and the best one drives but for a share of random choices."""
 

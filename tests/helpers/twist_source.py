@@ -9,8 +9,8 @@ import sys
 from time import monotonic
 
 from fbql_common.core.twist import Twist
+from fbql_common.qos import COMMAND_QOS
 from fbql_common.spin import GraphNode, spin
-from fbql_common.topics import COMMAND_QOS
 from fbql_common.watch import steady_timer
 from fbql_common.wire import MESSAGES, encode_twist
 

@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from bringup_run import ROOT, Run, in_namespace
+from bringup_run import Run, in_namespace
 from commands import bringup, train
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_fusion.policy_storage import load_policy
+from places import ROOT
 from run_directory_reader import digest_of, episodes_of, messages_of, parameters_of, summary_of
 
 Start = Callable[..., Run]

@@ -14,8 +14,9 @@ from typing import Any
 
 import pytest
 import yaml
-from bringup_run import BEHAVIORS, ROOT, Run
+from bringup_run import BEHAVIORS, Run
 from fbql_recording.run_directory import EPISODE_COLUMNS
+from places import ROOT
 from run_directory_reader import (
     Message,
     digest_of,

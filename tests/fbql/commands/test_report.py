@@ -22,7 +22,7 @@ from fbql.report.texts import CONTROLLERS as EXPLAINED
 from fbql.report.texts import FEATURES, json_for_html, value_text
 from fbql_behaviors.core.explanation import rules
 from fbql_behaviors.storage import load_tree
-from fbql_fusion.core.parameters import CONTROLLERS
+from fbql_fusion.core.controllers.parameters import CONTROLLERS
 from fbql_recording.core.packing import FLOAT32, Packing, unpack
 from fbql_recording.run import open_run
 from hostile_run import BEHAVIOR, HOSTILE, hostile_run

@@ -15,7 +15,7 @@ import domain_coordinator
 import pytest
 import rclpy
 from bringup_run import BEHAVIORS, END_S, Run
-from fbql_common.topics import STEP_QOS
+from fbql_common.qos import STEP_QOS
 from fbql_msgs.msg import BehaviorOutput, FusionDecision, WheelCommand, WorldState
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node

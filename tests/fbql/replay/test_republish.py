@@ -26,9 +26,10 @@ from fbql_recording.run import open_run
 from fbql_sim.views import markers_msg, pose_msgs
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
+from places import ROOT
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
-from recorded_match import ROOT, record_match
+from recorded_match import record_match
 from replay_listener import padded_hash, read_hash
 from rewritten_run import rewrite
 

@@ -25,12 +25,13 @@ from fbql_common.wire import (
     encode_output,
     encode_world,
 )
-from fbql_fusion.core.parameters import CONTROLLERS
+from fbql_fusion.core.controllers.parameters import CONTROLLERS
 from fbql_fusion.core.session import Session
 from fbql_recording.recovery.recover import recover
 from fbql_recording.run import open_run
 from mcap.opcode import Opcode
-from recorded_match import ROOT, TREES, digest_of, record_match
+from places import ROOT
+from recorded_match import TREES, digest_of, record_match
 from rewritten_run import rewrite
 
 LEARNING = {"controller": "fbql_literal", "guided": 1, "tie_rule": "random"}

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from fbql_behaviors.core.exercises import (
     CONTACT_STEPS,
-    DETOUR_RADIUS_M,
     FACING_STEPS,
     FULL_SPEED_M_S,
     OWN_GOAL_STEPS,
@@ -29,7 +28,7 @@ from fbql_behaviors.core.exercises import (
     wall_avoiding_reward,
     way_behind_ball,
 )
-from fbql_behaviors.core.observation import OBSERVATIONS
+from fbql_behaviors.core.observation import DETOUR_RADIUS_M, OBSERVATIONS
 from fbql_behaviors.core.tree import Leaf, Tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import World

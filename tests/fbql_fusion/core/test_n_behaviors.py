@@ -8,7 +8,8 @@ from fbql.match.in_process import play
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, Decision
-from fbql_fusion.core.parameters import CONTROLLERS, FusionParameters
+from fbql_fusion.core.controllers.parameters import CONTROLLERS
+from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.session import Session
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop

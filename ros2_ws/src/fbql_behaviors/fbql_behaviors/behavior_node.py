@@ -15,11 +15,12 @@ from typing import Any
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import parameter
 from fbql_common.core.text import one_line
+from fbql_common.core.topic_names import WORLD, behavior_topic
 from fbql_common.core.types import World
 from fbql_common.declare import declare_parameters
 from fbql_common.inputs import Input
+from fbql_common.qos import STEP_QOS
 from fbql_common.spin import GraphNode, spin
-from fbql_common.topics import STEP_QOS, WORLD, behavior_topic
 from fbql_common.watch import WorldWatch
 from fbql_common.wire import decode_world, encode_output
 from fbql_msgs.msg import BehaviorOutput

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from fbql_common.core.errors import BadInput
 from fbql_common.own_code import load_installed, load_module, split_source
 
-from fbql_fusion.core.parameters import CONTROLLERS
+from fbql_fusion.core.controllers.parameters import CONTROLLERS
 from fbql_fusion.core.registry import register_controller
 
 GROUP = "fbql.controllers"

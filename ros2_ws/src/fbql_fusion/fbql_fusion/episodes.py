@@ -6,9 +6,9 @@ from collections.abc import Callable
 from time import monotonic
 
 from fbql_common.core.text import one_line
+from fbql_common.core.topic_names import RESET_EPISODE
 from fbql_common.core.types import World
 from fbql_common.spin import FAILED, GraphNode
-from fbql_common.topics import RESET_EPISODE
 from fbql_msgs.srv import ResetEpisode
 from rclpy.task import Future
 

@@ -16,19 +16,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from fbql_common.core.errors import BadInput
 from fbql_common.core.text import one_line
+from fbql_common.core.topic_names import DECISION, DIAGNOSTICS, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.core.types import BehaviorOutput, WheelCommand, World
 from fbql_common.declare import declare_all, given_text
 from fbql_common.inputs import Input
+from fbql_common.qos import POSE_QOS, STEP_QOS
 from fbql_common.spin import BAD_INPUT, FAILED, GraphNode, spin
-from fbql_common.topics import (
-    DECISION,
-    DIAGNOSTICS,
-    POSE_QOS,
-    STEP_QOS,
-    WHEEL_COMMAND,
-    WORLD,
-    behavior_topic,
-)
 from fbql_common.twins import Twins
 from fbql_common.watch import WorldWatch, steady_timer
 from fbql_common.wire import decode_output, decode_world, encode_command, encode_decision

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.text import one_line
+from fbql_common.core.topic_names import MUX_OUTPUT
 from fbql_common.declare import declare_all, declare_group
-from fbql_common.topics import MUX_OUTPUT
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.validate_topic_name import validate_topic_name

@@ -22,10 +22,11 @@ from fbql_common.core.recording_names import (
     RESTART_RECORD,
     TREES,
 )
+from fbql_common.core.topic_names import DECISION, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_common.files import read_file, remedy, removed_on_failure
 from fbql_common.own_code import split_source
-from fbql_common.topics import DECISION, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
+from fbql_common.qos import STEP_QOS
 from fbql_common.wire import type_name
 from fbql_recording.bag_metadata import qos_of
 from fbql_recording.message_definitions import schema_text, type_hash

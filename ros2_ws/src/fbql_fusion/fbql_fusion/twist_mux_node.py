@@ -13,18 +13,11 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from fbql_common.core.text import one_line
+from fbql_common.core.topic_names import DIAGNOSTICS, MUX_DRIVER, MUX_OUTPUT
 from fbql_common.core.twist import StampedTwist, Twist
 from fbql_common.inputs import Input
+from fbql_common.qos import COMMAND_QOS, LATCHED_QOS, POSE_QOS, SYSTEM_QOS
 from fbql_common.spin import GraphNode, spin
-from fbql_common.topics import (
-    COMMAND_QOS,
-    DIAGNOSTICS,
-    LATCHED_QOS,
-    MUX_DRIVER,
-    MUX_OUTPUT,
-    POSE_QOS,
-    SYSTEM_QOS,
-)
 from fbql_common.watch import steady_timer
 from fbql_common.wire import (
     MESSAGES,

@@ -20,11 +20,12 @@ from time import monotonic
 from typing import Any
 
 from fbql_common.core.parameters import parameter
+from fbql_common.core.topic_names import WHEEL_COMMAND, WORLD
 from fbql_common.core.types import WheelCommand
 from fbql_common.declare import declare_all
 from fbql_common.inputs import Input
+from fbql_common.qos import STEP_QOS
 from fbql_common.spin import FAILED, GraphNode, spin
-from fbql_common.topics import STEP_QOS, WHEEL_COMMAND, WORLD
 from fbql_common.twins import Twins
 from fbql_common.watch import steady_timer
 from fbql_common.wire import NS, decode_command, encode_world

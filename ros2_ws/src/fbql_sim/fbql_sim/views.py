@@ -8,8 +8,9 @@ from math import cos, sin
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from fbql_common.core.field import BALL_RADIUS_M, FIELD, ROBOT_SIDE_M
+from fbql_common.core.topic_names import BALL_POSE, CLOCK, DIAGNOSTICS, ROBOT_POSE, WALL_POSE
 from fbql_common.core.types import FIELD_FRAME, World
-from fbql_common.topics import BALL_POSE, CLOCK, DIAGNOSTICS, POSE_QOS, ROBOT_POSE, WALL_POSE
+from fbql_common.qos import POSE_QOS
 from fbql_common.wire import NS
 from geometry_msgs.msg import Point, PoseStamped
 from rclpy.node import Node

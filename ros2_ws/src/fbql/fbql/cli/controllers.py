@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from fbql_fusion.controller_loading import installed
-from fbql_fusion.core.parameters import CONTROLLERS
+from fbql_fusion.core.controllers.parameters import CONTROLLERS
 
 
 def add_controller_option(parser: argparse._ActionsContainer, help_text: str) -> None:

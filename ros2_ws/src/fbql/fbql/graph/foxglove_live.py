@@ -15,19 +15,19 @@ from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
 from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput
-from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
-from fbql_common.topics import (
+from fbql_common.core.topic_names import (
     BALL_POSE,
     CLOCK,
     DECISION,
     DIAGNOSTICS,
     ROBOT_POSE,
-    STEP_QOS,
     WALL_POSE,
     WHEEL_COMMAND,
     WORLD,
     behavior_topic,
 )
+from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
+from fbql_common.qos import STEP_QOS
 from fbql_common.wire import MESSAGES
 from fbql_recording.message_definitions import schema_text
 from geometry_msgs.msg import PoseStamped

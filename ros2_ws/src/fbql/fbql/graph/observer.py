@@ -8,7 +8,8 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from fbql_common.topics import DECISION, DIAGNOSTICS, POSE_QOS, WHEEL_COMMAND, WORLD, behavior_topic
+from fbql_common.core.topic_names import DECISION, DIAGNOSTICS, WHEEL_COMMAND, WORLD, behavior_topic
+from fbql_common.qos import POSE_QOS
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions

@@ -16,11 +16,12 @@ from types import TracebackType
 
 import yaml
 from fbql_common.core.errors import BadInput
+from fbql_common.core.topic_names import RESET_EPISODE, WHEEL_COMMAND, WORLD
 from fbql_common.core.types import WheelCommand, World
 from fbql_common.files import write_atomically
 from fbql_common.inputs import Input
+from fbql_common.qos import STEP_QOS
 from fbql_common.spin import how_ended
-from fbql_common.topics import RESET_EPISODE, STEP_QOS, WHEEL_COMMAND, WORLD
 from fbql_common.wire import decode_world, encode_command
 from fbql_msgs.msg import WheelCommand as WheelCommandMsg
 from fbql_msgs.srv import ResetEpisode

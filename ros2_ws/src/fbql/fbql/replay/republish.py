@@ -17,9 +17,9 @@ from typing import Any
 
 import rclpy
 from fbql_common.core.errors import BadInput
+from fbql_common.core.topic_names import CLOCK
 from fbql_common.middleware import prepare_middleware
 from fbql_common.terminal.screen import RawTerminal
-from fbql_common.topics import CLOCK
 from fbql_recording.mcap.reader import Message, Topic
 from fbql_recording.run import Run
 from rclpy._rclpy_pybind11 import RCLError

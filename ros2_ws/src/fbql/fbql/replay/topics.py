@@ -14,7 +14,8 @@ from ament_index_python import get_resource
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
-from fbql_common.topics import BALL_POSE, POSE_QOS, ROBOT_POSE, STEP_QOS, WALL_POSE, WORLD
+from fbql_common.core.topic_names import BALL_POSE, ROBOT_POSE, WALL_POSE, WORLD
+from fbql_common.qos import POSE_QOS, STEP_QOS
 from fbql_recording.bag_metadata import INFINITE_NS
 from fbql_recording.mcap.reader import Topic
 from fbql_recording.message_definitions import essence, schema_text, type_hash

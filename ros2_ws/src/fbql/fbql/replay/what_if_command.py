@@ -19,7 +19,8 @@ from fbql_common.core.parameters import defaults_of, from_mapping, types_of
 from fbql_common.core.text import as_lines
 from fbql_common.files import atomic_text, write_atomically
 from fbql_fusion.controller_loading import resolve_controller
-from fbql_fusion.core.parameters import FROM_PRESET, FusionParameters, check_fusion, unused_parameters
+from fbql_fusion.core.guides.subsumption import FROM_PRESET
+from fbql_fusion.core.parameters import FusionParameters, check_fusion, unused_parameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.session import Session

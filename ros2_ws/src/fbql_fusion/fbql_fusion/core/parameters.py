@@ -10,29 +10,13 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, limits_of
 
 from fbql_fusion.core.controllers.parameters import (
-    CONTROLLERS,
     GUIDED_EPISODES,
-    UP_TO_THE_CONTROLLER,
     SessionParameters,
 )
-from fbql_fusion.core.guides.subsumption import FROM_PRESET, PRESETS, SubsumptionParameters, Thresholds
+from fbql_fusion.core.guides.subsumption import SubsumptionParameters
 from fbql_fusion.core.learners.literal.parameters import LiteralParameters
 from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
 from fbql_fusion.core.learners.value.parameters import FbqlValueParameters
-
-__all__ = [
-    "CONTROLLERS",
-    "FROM_PRESET",
-    "GUIDED_EPISODES",
-    "PRESETS",
-    "UP_TO_THE_CONTROLLER",
-    "FusionParameters",
-    "SessionParameters",
-    "Thresholds",
-    "check_fusion",
-    "guided_episodes",
-    "unused_parameters",
-]
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 GUIDE = "subsumption"

@@ -12,7 +12,8 @@ from fbql.match.in_process import play
 from fbql.statistics.tables import Row
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
-from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters
+from fbql_fusion.core.controllers.parameters import GUIDED_EPISODES
+from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session
 from fbql_sim.core.parameters import SimulationParameters

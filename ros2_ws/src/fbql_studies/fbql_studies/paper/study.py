@@ -19,9 +19,10 @@ from fbql.statistics.runs import Runs, method_row, runs_by_method
 from fbql.statistics.tables import Row, with_all_columns
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import Phase
+from fbql_fusion.core.controllers.parameters import GUIDED_EPISODES
 from fbql_fusion.core.learners.literal.equations import count_ties
 from fbql_fusion.core.learners.literal.learner import FbqlLiteral
-from fbql_fusion.core.parameters import GUIDED_EPISODES, FusionParameters
+from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import Session
 from fbql_recording.core.metrics import OUTCOMES

@@ -144,7 +144,9 @@ def run_on_cluster(
         try:
             client = Client(scheduler, timeout=_CONNECT_S)
         except (OSError, ValueError) as error:
-            raise BadInput(f"--scheduler {scheduler}: {error_line(error)}; is a Dask scheduler running there?") from None
+            raise BadInput(
+                f"--scheduler {scheduler}: {error_line(error)}; is a Dask scheduler running there?"
+            ) from None
     with _without_logs(), client:
         run = uuid4().hex  # two runs on one cluster must not mistake each other's results for their own
         waiting: dict[Future, StudyTask] = {

@@ -1,43 +1,8 @@
-"""Topics as nodes use them: their names (`core.topic_names`) with the quality of service of each."""
+"""The quality of service of the topics, whose names are in `core.topic_names`."""
 
 from __future__ import annotations
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPresetProfiles, QoSProfile, ReliabilityPolicy
-
-from fbql_common.core.topic_names import (
-    BALL_POSE,
-    CLOCK,
-    DECISION,
-    DIAGNOSTICS,
-    MUX_DRIVER,
-    MUX_OUTPUT,
-    RESET_EPISODE,
-    ROBOT_POSE,
-    WALL_POSE,
-    WHEEL_COMMAND,
-    WORLD,
-    behavior_topic,
-)
-
-__all__ = [
-    "BALL_POSE",
-    "CLOCK",
-    "COMMAND_QOS",
-    "DECISION",
-    "DIAGNOSTICS",
-    "LATCHED_QOS",
-    "MUX_DRIVER",
-    "MUX_OUTPUT",
-    "POSE_QOS",
-    "RESET_EPISODE",
-    "ROBOT_POSE",
-    "STEP_QOS",
-    "SYSTEM_QOS",
-    "WALL_POSE",
-    "WHEEL_COMMAND",
-    "WORLD",
-    "behavior_topic",
-]
 
 STEP_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
