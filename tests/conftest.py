@@ -161,8 +161,8 @@ def start_node(domain: dict[str, str], tmp_path: Path) -> Iterator[Callable[...,
 
     started: list[NodeProcess] = []
 
-    def begin(package: str, executable: str, *arguments: str, **env: str) -> NodeProcess:
-        started.append(NodeProcess(package, executable, arguments, tmp_path, {**domain, **env}))
+    def begin(package: str, executable: str, *arguments: str, terminal: int | None = None, **env: str) -> NodeProcess:
+        started.append(NodeProcess(package, executable, arguments, tmp_path, {**domain, **env}, terminal))
         return started[-1]
 
     yield begin

@@ -48,7 +48,7 @@ class CommandProcess:
                 stdout=stdout,
                 stderr=stderr if terminal is None else terminal,
                 start_new_session=True,
-                preexec_fn=None if terminal is None else _take_terminal,
+                preexec_fn=None if terminal is None else take_terminal,
             )
 
     @property
@@ -93,6 +93,6 @@ class CommandProcess:
                 os.kill(pid, signal.SIGKILL)
 
 
-def _take_terminal() -> None:
+def take_terminal() -> None:
     """Makes the terminal that is stdin the controlling one, so that it sends its signals here."""
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)

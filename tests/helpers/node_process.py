@@ -12,15 +12,22 @@ from time import monotonic
 
 import pytest
 from ament_index_python.packages import get_package_prefix
+from measure.command_process import take_terminal
 
 PATIENCE_S = 60.0
 
 
 class NodeProcess:
-    """One of our executables as a real process, with its output."""
+    """One of our executables as a real process, with its output. `terminal` becomes its controlling one, and its stdin."""
 
     def __init__(
-        self, package: str, executable: str, arguments: Sequence[str], directory: Path, environment: Mapping[str, str]
+        self,
+        package: str,
+        executable: str,
+        arguments: Sequence[str],
+        directory: Path,
+        environment: Mapping[str, str],
+        terminal: int | None = None,
     ) -> None:
         path = Path(get_package_prefix(package)) / "lib" / package / executable
         self.name = executable
@@ -30,9 +37,11 @@ class NodeProcess:
                 [str(path), *arguments],
                 cwd=directory,
                 env={**os.environ, **environment},
-                stdin=subprocess.DEVNULL,
+                stdin=subprocess.DEVNULL if terminal is None else terminal,
                 stdout=output,
                 stderr=subprocess.STDOUT,
+                start_new_session=terminal is not None,
+                preexec_fn=None if terminal is None else take_terminal,
             )
 
     def printed(self) -> str:

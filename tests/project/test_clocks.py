@@ -9,7 +9,13 @@ from places import ROOT
 PACKAGES = ROOT / "ros2_ws" / "src"
 NAMES_OF_DIRECTORIES = {"fbql/cli/places.py", "fbql/match/options.py", "fbql_fusion/run_recorder.py"}
 """They put the date into a name."""
-STAMPS = {"fbql_fusion/status.py", "fbql_fusion/twist_mux_node.py", "fbql_sim/views.py", "fbql_common/watch.py"}
+STAMPS = {
+    "fbql_behaviors/teleop_node.py",
+    "fbql_common/watch.py",
+    "fbql_fusion/status.py",
+    "fbql_fusion/twist_mux_node.py",
+    "fbql_sim/views.py",
+}
 """They read a node's clock: for the stamp of a message, and for simulated time."""
 FILES = sorted(path for path in PACKAGES.glob("fbql*/fbql*/**/*.py") if "build" not in path.parts)
 

@@ -32,6 +32,7 @@ setup(
             "wall_avoiding = fbql_behaviors.programs:wall_avoiding",
             "approaching = fbql_behaviors.programs:approaching",
             "behavior = fbql_behaviors.programs:behavior",
+            "teleop = fbql_behaviors.programs:teleop",
         ]
     },
 )

@@ -20,6 +20,11 @@ def approaching() -> int:
     return start(_NODE, "approaching")
 
 
+def teleop() -> int:
+    """Drives a robot by the keys of a terminal."""
+    return start("fbql_behaviors.teleop_node", "main")
+
+
 def behavior() -> int:
     """Runs any tree: `--ros-args -p tree_file:=FILE`."""
     return start(_NODE, "behavior")

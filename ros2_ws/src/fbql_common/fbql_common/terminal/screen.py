@@ -67,7 +67,8 @@ class RawTerminal:
         self.gone = False
         """Whether the terminal was closed."""
         self.taken = False
-        self._stop_asked = False
+        self.stop_asked = False
+        """Whether Ctrl-Z was pressed; `stopped` then stops the process."""
 
     def __enter__(self) -> Self:
         self._before = termios.tcgetattr(self._fd)
@@ -125,9 +126,9 @@ class RawTerminal:
 
         True when it was stopped and now continues.
         """
-        if not self._stop_asked:
+        if not self.stop_asked:
             return False
-        self._stop_asked = False
+        self.stop_asked = False
         self.give_back()
         # Relies on the signal's default effect, which spares a process that nobody could wake again.
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
@@ -147,7 +148,7 @@ class RawTerminal:
         termios.tcsetattr(self._fd, termios.TCSANOW, mode)
 
     def _note_stop(self, _number: int, _frame: FrameType | None) -> None:
-        self._stop_asked = True
+        self.stop_asked = True
 
 
 class Screen(RawTerminal):
