@@ -116,3 +116,18 @@ def test_integers_and_numpy_numbers_in_a_double_field_keep_their_value():
 def test_unknown_field_type_is_refused():
     with pytest.raises(TypeError, match="geometry_msgs/Pose"):
         Codec(["geometry_msgs/Pose"])
+
+
+@pytest.mark.parametrize("kind", ["string", "sequence<string>"])
+def test_a_text_ends_with_its_only_null_character(kind):
+    """The middleware would end it at the first one, and two readers would read two texts."""
+    codec = Codec([kind])
+    data = codec.encode(("abcd" if kind == "string" else ("x", "abcd"),))
+    with pytest.raises(Malformed, match="a null character"):
+        codec.decode(data.replace(b"b", b"\0"))
+
+
+@pytest.mark.parametrize("text", ["a\0b", "\0", "\ud800"])
+def test_a_text_that_no_message_can_hold_is_a_type_error(text):
+    with pytest.raises(TypeError):
+        Codec(["string"]).encode((text,))

@@ -195,6 +195,18 @@ def test_steps_may_overlap_and_the_newest_complete_one_ends_those_before():
     assert assembly.complete().world == worlds[2]
 
 
+def test_a_later_world_with_a_lower_number_is_not_decided_after_the_higher_one():
+    """A world state that is wrong but valid may come between: its step would be out of order."""
+    assembly = assembly_at(step=0)
+    higher, lower = world_of(20, stamp_ns=10**9), world_of(10, stamp_ns=2 * 10**9)
+    assembly.add_world(higher, b"")
+    assembly.add_world(lower, b"")
+    answer_all(assembly, higher)
+    assembly.decided(assembly.complete())
+    answer_all(assembly, lower)
+    assert assembly.complete() is None
+
+
 def test_newest_step_is_decided_when_several_are_complete_without_the_dropped():
     assembly = assembly_at(4)
     worlds = [world_of(step) for step in (5, 6)]

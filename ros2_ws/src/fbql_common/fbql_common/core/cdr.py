@@ -112,7 +112,7 @@ class Codec:
                     index += 1
                 out.append(data)
                 size += len(data)
-        except (struct_error, AttributeError, OverflowError) as error:
+        except (struct_error, AttributeError, OverflowError, UnicodeEncodeError) as error:
             raise TypeError(f"a value does not fit its field: {error}") from None
         return b"".join(out)
 
@@ -173,6 +173,8 @@ def _encode_string(value: object) -> bytes:
     if not isinstance(value, str):
         raise TypeError(f"{value!r} is not a text")
     text = value.encode()
+    if b"\0" in text:
+        raise TypeError(f"{value!r} has a null character, which ends a text")
     return _LENGTH.pack(len(text) + 1) + text + b"\x00"
 
 
@@ -207,4 +209,6 @@ def _decode_string(data: bytes, offset: int) -> tuple[str, int]:
 
 @lru_cache(256)
 def _text(data: bytes) -> str:
+    if b"\0" in data:  # CORBA 3.3 part 2, section 9.3.2.7: none but the last; the middleware ends the text here
+        raise Malformed("a text with a null character in it")
     return data.decode()

@@ -135,7 +135,7 @@ class StepAssembly:
         return dropped
 
     def decided(self, step: PendingStep) -> None:
-        """Marks a step as decided, and drops those before it: they are never decided."""
+        """Marks a step as decided, and drops those before it, by stamp or number: they are never decided."""
         world = step.world
         if world is None:
             raise ValueError("a step without a world state can't be decided")
@@ -143,7 +143,11 @@ class StepAssembly:
         if len(self._steps) == 1:
             self._steps.clear()
         else:
-            self._steps = {stamp: kept for stamp, kept in self._steps.items() if stamp > world.stamp_ns}
+            self._steps = {
+                stamp: kept
+                for stamp, kept in self._steps.items()
+                if stamp > world.stamp_ns and (kept.world is None or kept.world.step > world.step)
+            }
 
     def _step(self, stamp_ns: int) -> PendingStep:
         step = self._steps.get(stamp_ns)
