@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from .progress import SetUpError
+from .target import matches
 from .variables import tool_environment
 
 # Runs in the candidate, whatever version it is. `real` is the interpreter behind a virtual environment.
@@ -87,7 +88,7 @@ def candidates(environ: Mapping[str, str]) -> Iterator[str]:
     directories = [entry for entry in environ.get("PATH", "").split(os.pathsep) if entry]
     yield from (f"{directory}/{name}" for name in ("python3.12", "python3", "python") for directory in directories)
     pyenv = Path(environ.get("PYENV_ROOT") or Path(environ.get("HOME", "/"), ".pyenv"))
-    versions = [path for path in pyenv.glob("versions/3.12.*") if path.name.split(".")[2].isdigit()]
+    versions = [path for path in matches(pyenv, "versions/3.12.*") if path.name.split(".")[2].isdigit()]
     for path in sorted(versions, key=lambda path: int(path.name.split(".")[2]), reverse=True):
         yield str(path / "bin" / "python3.12")
     uv = shutil.which("uv", path=environ.get("PATH"))

@@ -17,7 +17,7 @@ from typing import NoReturn
 
 from .enter import ROOT, environment_or_exit
 from .progress import shown, write
-from .target import split_path, target_for
+from .target import matches, split_path, target_for
 
 MARKERS = Path("share", "ament_index", "resource_index", "packages")
 SCRIPTS = ROOT / "scripts"
@@ -125,7 +125,7 @@ def find_packages(prefixes: list[Path]) -> dict[str, Path]:
     """Every package of the index, with its prefix."""
     found: dict[str, Path] = {}
     for prefix in prefixes:
-        for marker in (prefix / MARKERS).glob("[!.]*"):
+        for marker in matches(prefix / MARKERS, "[!.]*"):
             found.setdefault(marker.name, prefix)
     return found
 

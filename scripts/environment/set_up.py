@@ -266,8 +266,11 @@ def writable_cache(environ: Mapping[str, str]) -> bool:
     """Whether the installers can keep what they download where the user's variables say."""
     home = Path(environ.get("HOME") or os.devnull)
     cache = Path(environ.get("XDG_CACHE_HOME") or home / ".cache")
-    place = cache if cache.exists() or cache.is_symlink() else cache.parent
-    return place.is_dir() and os.access(place, os.W_OK | os.X_OK)
+    try:
+        place = cache if cache.exists() or cache.is_symlink() else cache.parent
+        return place.is_dir() and os.access(place, os.W_OK | os.X_OK)
+    except OSError:  # such as a name that is too long
+        return False
 
 
 def is_ours(path: Path) -> bool:

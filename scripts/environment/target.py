@@ -137,7 +137,7 @@ def target_for(root: Path, environ: dict[str, str]) -> Target:
     A system Jazzy counts as sourced if ROS_DISTRO names it and a prefix outside of this checkout holds rclpy.
     """
     prefixes = [prefix for prefix in split_path(environ.get("AMENT_PREFIX_PATH")) if not is_inside(prefix, root)]
-    holds_ros = any(next(prefix.glob("lib/python3*/*-packages/rclpy"), None) for prefix in prefixes)
+    holds_ros = any(matches(prefix, "lib/python3*/*-packages/rclpy") for prefix in prefixes)
     return Target(root, tuple(prefixes) if holds_ros and environ.get("ROS_DISTRO") == DISTRO else ())
 
 
@@ -215,3 +215,11 @@ def is_inside(path: Path, directory: Path) -> bool:
     """Whether `path`, as written or with its links followed, is `directory` or below it."""
     resolved = path.resolve()
     return directory in (path, *path.parents, resolved, *resolved.parents)
+
+
+def matches(directory: Path, pattern: str) -> list[Path]:
+    """The paths of a directory that somebody named; none where it can't be read, such as for a name that is too long."""
+    try:
+        return list(directory.glob(pattern))
+    except OSError:
+        return []

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 from environment.__main__ import exports
+from environment.interpreter import candidates
 from environment.ros2 import MARKERS, find_executables, find_packages, real_ros2
+from environment.set_up import writable_cache
 from environment.target import Target, target_for
 from environment.variables import BOOTSTRAPPED, build_environment, process_environment, tool_environment
 from places import ROOT
@@ -141,6 +143,15 @@ def test_anything_less_than_a_jazzy_with_rclpy_means_the_wheels(
     made: Target, jazzy: dict[str, str], change: dict[str, str]
 ) -> None:
     assert target_for(made.root, {**jazzy, **change}).venv == made.venv
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "/x" * 3000, "9" * 5000], ids=["name", "path", "number"])
+def test_a_place_whose_name_is_too_long_holds_nothing(made: Target, name: str) -> None:
+    assert target_for(made.root, {"ROS_DISTRO": "jazzy", "AMENT_PREFIX_PATH": name}).venv == made.venv
+    assert find_packages([Path(name)]) == {}
+    assert name not in "".join(candidates({"PYENV_ROOT": name, "HOME": name}))
+    assert not writable_cache({"HOME": name})
+    assert not writable_cache({"HOME": "/", "XDG_CACHE_HOME": name})
 
 
 def test_our_own_environment_is_no_system_jazzy(made: Target) -> None:

@@ -41,6 +41,13 @@ def made(**parameters: Any) -> Any:
     return gymnasium.make(module.WHEELS_ID, **parameters).unwrapped
 
 
+def made_bare(**parameters: Any) -> Any:
+    """Without Gymnasium's own checks of what it passes on."""
+    import fbql_sim.gymnasium_env as module
+
+    return module.WheelsEnv(**parameters)
+
+
 def by_law(env: Any) -> np.ndarray[Any, Any]:
     return np.array(law(env.world)) / MAX_WHEEL_RAD_S
 
@@ -288,6 +295,18 @@ def test_without_a_render_mode_nothing_is_rendered() -> None:
 def test_a_whole_number_beyond_every_float_is_refused(name: str, value: int) -> None:
     with pytest.raises(BadInput, match=rf"^environment: parameter '{name}' is [^\n]*, outside of [^\n]*$"):
         made(**{name: value})
+
+
+@pytest.mark.parametrize("name", ["render_mode", "dt_s", "hold_steps"])
+def test_a_value_that_python_cannot_write_is_refused_all_the_same(name: str) -> None:
+    with pytest.raises(BadInput, match=r"^environment: [^\n]* a list with too many digits[^\n]*$"):
+        made_bare(**{name: [10**5000]})
+
+
+@pytest.mark.parametrize("options", [10**5000, {"episode_seed": 10**5000}, {"episode_seed": [10**5000]}], ids=range(3))
+def test_reset_options_that_python_cannot_write_are_refused_all_the_same(options: Any) -> None:
+    with pytest.raises(BadInput, match=r"^environment: [^\n]*reset option[^\n]*$"):
+        made().reset(options=options)
 
 
 def test_an_action_of_longdoubles_is_that_of_the_nearest_floats() -> None:

@@ -67,6 +67,26 @@ def odd_word(rng: random.Random) -> str:
     return rng.choice(_WORDS)
 
 
+def odd_variable(rng: random.Random) -> str:
+    """A value that an environment variable can have: any bytes but a null."""
+    how = rng.randrange(5)
+    if how == 0:
+        data = rng.randbytes(rng.randrange(20))
+    elif how == 1:
+        data = str(rng.choice((odd_number(rng), "9" * 5000, "1e999", "-0", "0x10"))).encode()
+    elif how == 2:
+        data = rng.choice(
+            (b"/", b"/proc/self", b"/dev/null", b"/etc/passwd", b"~", b".", b"relative", b"/x" * 2000, b"*")
+        )
+    elif how == 3:
+        data = rng.choice(
+            (b"LOCALHOST", b"SUBNET", b"true", b"1", b"0", b"C", b"en_US.UTF-8", b"dumb", b"rmw_cyclonedds_cpp")
+        )
+    else:
+        data = odd_word(rng).encode()
+    return os.fsdecode(data.replace(b"\0", b""))
+
+
 def _nested(depth: int) -> Any:
     value: Any = 0
     for _ in range(depth):

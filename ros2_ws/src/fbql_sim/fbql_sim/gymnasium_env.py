@@ -20,6 +20,7 @@ import numpy as np
 from fbql_common.core.errors import BadInput
 from fbql_common.core.field import FIELD, MAX_WHEEL_RAD_S
 from fbql_common.core.parameters import from_mapping, limits_of, parameter, types_of
+from fbql_common.core.text import quoted
 from fbql_common.core.types import World
 from numpy.typing import NDArray
 
@@ -114,7 +115,7 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
     def __init__(self, *, render_mode: str | None = None, **parameters: Any) -> None:
         if render_mode is not None:
             raise BadInput(
-                f"environment: render_mode is {render_mode!r}, but there is no rendering: leave it out, or None"
+                f"environment: render_mode is {quoted(render_mode)}, but there is no rendering: leave it out, or None"
             )
         self.render_mode = None
         values = {name: parameters.pop(name) for name in limits_of(EnvironmentParameters) if name in parameters}
@@ -223,7 +224,7 @@ def numbers_of(action: Any, count: int) -> list[float]:
     except ValueError:  # rows of different lengths
         values = np.empty(0)
     if values.shape != (count,) or values.dtype.kind not in "fiu":
-        kind = f"{values.dtype} {list(values.shape)}" if values.size else " ".join(repr(action)[:40].split())
+        kind = f"{values.dtype} {list(values.shape)}" if values.size else " ".join(quoted(action)[:40].split())
         raise ValueError(f"an action is {count} numbers, not {kind}")
     numbers = [*map(float, values.tolist())]  # of a longdouble that is no float yet
     if not all(map(isfinite, numbers)):
@@ -254,7 +255,7 @@ def _clip(share: float) -> float:
 def _episode_seed(options: Any) -> int | None:
     """The episode seed in the reset options, if any."""
     if not isinstance(options, dict):
-        raise BadInput(f"environment: reset options are {str(options)[:40]!r}; they must be a dictionary")
+        raise BadInput(f"environment: reset options are {quoted(options)[:40]!r}; they must be a dictionary")
     unknown = sorted(str(name) for name in set(options) - {"episode_seed"})
     if unknown:
         raise BadInput(f"environment: unknown reset option '{unknown[0]}'; known is: episode_seed")
@@ -263,7 +264,7 @@ def _episode_seed(options: Any) -> int | None:
         isinstance(seed, int | np.integer) and not isinstance(seed, bool) and 0 <= seed < 2**63
     ):
         raise BadInput(
-            f"environment: reset option 'episode_seed' is {seed!r}; it must be a whole number, 0 .. 2^63 - 1"
+            f"environment: reset option 'episode_seed' is {quoted(seed)}; it must be a whole number, 0 .. 2^63 - 1"
         )
     return None if seed is None else int(seed)
 

@@ -18,6 +18,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 from fbql_common.core.errors import BadInput
+from fbql_common.core.text import quoted
 
 T = TypeVar("T")
 _INT64 = 2**63 - 1
@@ -115,9 +116,11 @@ def check(instance: Any, where: str, prefix: str = "") -> None:
         value = getattr(instance, field)
         name, kind = prefix + field, kinds[field]
         if not _is_of(value, kind):
-            raise BadInput(f"{where}: parameter '{name}' must be {_name_of(kind)}, not {value!r}")
+            raise BadInput(f"{where}: parameter '{name}' must be {_name_of(kind)}, not {quoted(value)}")
         if limits.choices is not None and value not in limits.choices:
-            raise BadInput(f"{where}: parameter '{name}' is {value!r}; choose one of: {', '.join(limits.choices)}")
+            raise BadInput(
+                f"{where}: parameter '{name}' is {quoted(value)}; choose one of: {', '.join(limits.choices)}"
+            )
         if kind is int or kind is float:
             # A whole number travels as int64.
             unbounded = _INT64 if kind is int else math.inf
@@ -125,7 +128,7 @@ def check(instance: Any, where: str, prefix: str = "") -> None:
             high = unbounded if limits.high is None else limits.high
             if not low <= value <= high or not math.isfinite(value):
                 unit = f" {limits.unit}" if limits.unit else ""
-                raise BadInput(f"{where}: parameter '{name}' is {_shown(value)}, outside of [{low:g}, {high:g}]{unit}")
+                raise BadInput(f"{where}: parameter '{name}' is {quoted(value)}, outside of [{low:g}, {high:g}]{unit}")
 
 
 def _is_of(value: Any, kind: Any) -> bool:
@@ -136,13 +139,6 @@ def _is_of(value: Any, kind: Any) -> bool:
     if kind == list[str]:
         return isinstance(value, list) and all(isinstance(item, str) for item in value)  # pyright: ignore[reportUnknownVariableType]
     return isinstance(value, kind)
-
-
-def _shown(value: float) -> str:
-    """A number in words; Python writes no whole number of more than 4300 digits."""
-    if isinstance(value, int) and abs(value) > _INT64:
-        return f"{'-' * (value < 0)}2^{abs(value).bit_length() - 1} or more"
-    return str(value)
 
 
 def _name_of(kind: Any) -> str:

@@ -17,6 +17,14 @@ def one_line(text: object) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
 
 
+def quoted(value: object) -> str:
+    """A value as Python writes it; what holds a whole number of more than 4300 digits, which Python refuses to, by its type."""
+    try:
+        return repr(value)
+    except ValueError:
+        return f"a {type(value).__name__} with too many digits"
+
+
 def as_lines(lines: Iterable[object]) -> str:
     """The texts as lines, each as `one_line`."""
     return "\n".join(map(one_line, lines))
