@@ -21,6 +21,8 @@ from fbql_common.core.errors import BadInput
 SEED = int(os.environ.get("FBQL_FUZZ_SEED", "0"))
 LONGEST_S = 20.0
 """No input may take longer, on a busy machine too [s]."""
+LONGEST_COMMAND_S = 90.0
+"""The same for a whole command, which may draw figures [s]."""
 _NUMBERS = (0, 1, 2, 4, 7, 127, 128, 255, 256, 65535, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64 - 1)
 _WORDS = (
     "",
@@ -170,18 +172,18 @@ def read_or_refused[T](read: Callable[[], T]) -> T | None:
 
 
 class TooLong(BaseException):
-    """Something took longer than LONGEST_S; a TimeoutError would be taken for a file that can't be read."""
+    """Something took longer than it may; a TimeoutError would be taken for a file that can't be read."""
 
 
 @contextmanager
-def bounded() -> Iterator[None]:
-    """Raises TooLong where something inside of it takes longer than LONGEST_S."""
+def bounded(longest_s: float = LONGEST_S) -> Iterator[None]:
+    """Raises TooLong where something inside of it takes longer than that."""
 
     def late(_number: int, _frame: FrameType | None) -> None:
-        raise TooLong(f"took longer than {LONGEST_S} s")
+        raise TooLong(f"took longer than {longest_s} s")
 
     before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
+    signal.setitimer(signal.ITIMER_REAL, longest_s)
     try:
         yield
     finally:

@@ -20,7 +20,7 @@ from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.shipped import shipped_policy
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_studies.runner.study import STUDIES, study_of
-from fuzzing import bounded, dice, finite_json, odd_word
+from fuzzing import LONGEST_COMMAND_S, bounded, dice, finite_json, odd_word
 from recorded_match import record_match
 
 NUMBERS = ("0", "1", "2", "3", "-1", "1.5", "0.1", "1e3", "nan", "inf", "-inf", "1e-320", "1e400", "", "x", "0x1", "1_0", "\u0663",
@@ -142,7 +142,7 @@ def test_any_words_behind_a_command_are_done_or_refused(things, tmp_path, monkey
     parser = import_module(f"fbql.commands.{name}").parser(f"{name}.py")
     for number, rng in enumerate(dice(15)):
         words = COMMANDS[name](words_for(parser, things, rng, tmp_path / f"out{number}"))
-        with bounded():
+        with bounded(LONGEST_COMMAND_S):
             code = getattr(commands, name)(words)
         judge(code, words, *capsys.readouterr())
 
@@ -155,7 +155,7 @@ def test_any_words_behind_bringup_are_a_match_or_refused(things, tmp_path, monke
         words = words_for(bringup.parser("bringup.py"), things, rng, tmp_path / f"out{number}")
         words = [word for word in words if not word.startswith("--foxglove")]
         monkeypatch.setenv("ROS_DOMAIN_ID", rng.choice(("", "0", "232", "233", *NUMBERS[:-1])))
-        with bounded(), closing(LiveLine()) as line:
+        with bounded(LONGEST_COMMAND_S), closing(LiveLine()) as line:
             try:
                 bringup._prepare(bringup.parser("bringup.py").parse_args(words), line, Interrupts())
                 code = 0
@@ -175,7 +175,7 @@ def test_any_words_behind_experiment_are_tasks_or_refused(things, tmp_path, caps
     parser = experiment.parser("experiment.py")
     for number, rng in enumerate(dice(40)):
         words = words_for(parser, things, rng, tmp_path / f"out{number}")
-        with bounded():
+        with bounded(LONGEST_COMMAND_S):
             try:
                 options = parser.parse_args(words)
                 study_of(options.study).tasks(options)

@@ -14,7 +14,7 @@ import pytest
 import yaml
 from damaged_recordings import mcap_of
 from fbql_recording.run import open_run
-from fuzzing import bounded, dice, finite_json, odd_bytes, odd_copy, read_or_refused
+from fuzzing import LONGEST_COMMAND_S, bounded, dice, finite_json, odd_bytes, odd_copy, read_or_refused
 from mcap_contents import Contents, contents_of, odd_contents
 from recorded_match import record_match
 
@@ -83,7 +83,7 @@ def test_a_command_works_with_any_recording_or_says_what_is_wrong(
         is_json = rng.random() < 0.5 and "--json" not in words
         if command in ("report", "compare", "what if", "what else") and rng.random() < 0.5:
             words.append("--skip-corrupt")
-        with bounded():
+        with bounded(LONGEST_COMMAND_S):
             code = getattr(commands, name)([*words, *["--json"] * is_json])
         out, err = capsys.readouterr()
         said = err.splitlines()
