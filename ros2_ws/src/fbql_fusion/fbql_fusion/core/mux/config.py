@@ -63,7 +63,10 @@ class MuxConfig:
 
     def __post_init__(self) -> None:
         if not self.sources:
-            raise BadInput("there is no source of commands; give each as topics.NAME.{topic,timeout,priority}")
+            raise BadInput(
+                "there is no source of commands; give each as topics.NAME.{topic,timeout,priority}, in a file under the "
+                "node's name or /**"
+            )
         topics: dict[str, str] = {}
         for source in self.sources:
             if (other := topics.setdefault(source.topic, source.name)) != source.name:
