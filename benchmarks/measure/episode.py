@@ -36,7 +36,8 @@ from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_fusion.core.controllers.parameters import CONTROLLERS
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.session import Session, episode_seed
+from fbql_fusion.core.session import episode_seed
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_sim.core import physics as chipmunk
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.physics import Physics
@@ -133,7 +134,7 @@ def measure(controller: str, steps: int, rounds: int, warm_up: int = 0) -> dict[
 
 def train(controller: str, behaviors: Sequence[Behavior], episodes: int) -> Policy | None:
     """A controller's policy after its guided episodes and `episodes` more; None for one that does not learn."""
-    session = Session(FusionParameters(controller=controller, seed=WARM_UP_SEED, episodes=episodes))
+    session = SoccerSession(FusionParameters(controller=controller, seed=WARM_UP_SEED, episodes=episodes))
     if episodes == 0 or session.guided == 0:
         return None
     play(session, WorldLoop(), behaviors, lambda: True)
@@ -144,7 +145,7 @@ def play_once(
     fusion: FusionParameters, policy: Policy | None, behaviors: Sequence[Behavior], steps: int
 ) -> tuple[list[PlayedEpisode], str]:
     """Whole episodes of at least `steps` steps in all, and their digest."""
-    session, episodes = Session(fusion, policy), list[PlayedEpisode]()
+    session, episodes = SoccerSession(fusion, policy), list[PlayedEpisode]()
 
     def step_decided(
         world: World, outputs: Sequence[BehaviorOutput], command: WheelCommand, _decision: Decision
@@ -164,7 +165,7 @@ def whole(
     fusion: FusionParameters, policy: Policy | None, behaviors: Sequence[Behavior], episodes: int, digest: str
 ) -> float:
     """Seconds of the match."""
-    session, world_loop = Session(fusion, policy), WorldLoop()
+    session, world_loop = SoccerSession(fusion, policy), WorldLoop()
     begun_s = process_time()
     play(session, world_loop, behaviors, lambda: len(session.records) < episodes)
     seconds = process_time() - begun_s
@@ -269,7 +270,7 @@ def sensing(behaviors: Sequence[Behavior], episodes: Sequence[PlayedEpisode]) ->
 
 def decide(fusion: FusionParameters, policy: Policy | None, episodes: Sequence[PlayedEpisode], digest: str) -> float:
     """Seconds of Session.decide, and of a learner's work between episodes."""
-    session = Session(fusion, policy)
+    session = SoccerSession(fusion, policy)
     begun_s = process_time()
     for episode in episodes:
         session.next_episode()

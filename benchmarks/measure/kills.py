@@ -40,7 +40,7 @@ from fbql.replay.verification import verify
 from fbql_common.core.errors import BadInput
 from fbql_common.core.topic_names import WHEEL_COMMAND
 from fbql_common.wire import decode_command
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_msgs.msg import WheelCommand
 from fbql_recording.recovery.recover import recover
 from fbql_recording.run import open_run
@@ -252,7 +252,7 @@ def _recording(out: Path, heard: Sequence[tuple[float, tuple[int, int]]], sent_s
     lost_s = sent_s - min(lost, default=sent_s)
     parameters, _ = recorded_parameters(run)
     behaviors = RecordedBehaviors(run, recorded_trees(run), {})
-    verified = verify(run, Session(parameters, recorded_policy(run)), behaviors, lambda _: None)
+    verified = verify(run, SoccerSession(parameters, recorded_policy(run)), behaviors, lambda _: None)
     faults: list[str] = []
     if verified.difference is not None:
         faults.append(f"it differs: {verified.difference.words}")

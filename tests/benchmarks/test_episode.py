@@ -10,7 +10,7 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_sim.core.world_loop import WorldLoop
 from measure import episode
 
@@ -39,11 +39,11 @@ def test_the_benchmark_of_an_episode_prints_one_object_with_its_figures(
     ]
     policy = None
     if controller != "subsumption":
-        learning = Session(FusionParameters(controller=controller, seed=episode.WARM_UP_SEED, episodes=2))
+        learning = SoccerSession(FusionParameters(controller=controller, seed=episode.WARM_UP_SEED, episodes=2))
         play(learning, WorldLoop(), behaviors, lambda: True)
         policy = learning.policy()
     fusion = FusionParameters(controller=controller, seed=episode.SEED, guided=0, episodes=result["episodes"])
-    session = Session(fusion, policy)
+    session = SoccerSession(fusion, policy)
     play(session, WorldLoop(), behaviors, lambda: True)
     assert (session.digest, session.steps) == (result["digest"], result["steps"])
 

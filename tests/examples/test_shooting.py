@@ -24,7 +24,7 @@ from fbql_behaviors.storage import load_tree, tree_to_bytes
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import WheelCommand
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.task import Task
 from fbql_sim.core.world_loop import WorldLoop
@@ -139,7 +139,7 @@ def test_four_behaviors_play_together_and_the_fourth_drives_where_it_knows_what_
     trees = {name: load_tree(TREES / f"{name}.json") for name in NAMES[:3]} | {
         "shooting": load_tree(EXAMPLE / "shooting.json")
     }
-    session = Session(
+    session = SoccerSession(
         FusionParameters(controller=controller, behaviors=list(NAMES), layers=LAYERS, episodes=3, guided=0, seed=1)
     )
     behaviors = [Behavior(name, trees[name]) for name in NAMES]

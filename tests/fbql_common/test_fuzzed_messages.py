@@ -25,7 +25,7 @@ from fbql_common.wire import (
 )
 from fbql_fusion.core.assembly import StepAssembly
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_sim.core.world_loop import WorldLoop
 from fuzzing import dice, odd_bytes, odd_number
 from hand_driven import BEHAVIORS, output_to, world_at
@@ -94,7 +94,7 @@ def test_any_valid_messages_in_any_order_are_decided_with_finite_commands():
     """What comes through the wire, through the assembly of steps and the session, as in the fusion node."""
     for rng in dice(12):
         controller = rng.choice(("subsumption", "uniform", "fbql_literal", "fbql"))
-        session = Session(FusionParameters(controller=controller, episodes=2, guided=rng.randrange(2), seed=1))
+        session = SoccerSession(FusionParameters(controller=controller, episodes=2, guided=rng.randrange(2), seed=1))
         assembly = StepAssembly(BEHAVIORS)
         begun = session.next_episode()
         assert begun is not None

@@ -16,8 +16,8 @@ from fbql_common.core.parameters import from_mapping, limits_of, parameter
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.controllers.parameters import CONTROLLERS
 from fbql_fusion.core.parameters import FusionParameters, unused_parameters
-from fbql_fusion.core.registry import fusion_parameters, learns, make_controller, register_controller, source_file
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.registry import fusion_parameters, learns, register_controller, source_file
+from fbql_fusion.core.soccer_session import SoccerSession
 from own_controller import NOT_SAVED, bandit, only_ours
 from two_sides import BEHAVIORS, parameters, play
 
@@ -44,18 +44,18 @@ def test_a_controller_of_a_file_plays_learns_and_takes_its_own_parameters(tmp_pa
     assert known == ("Bandit", f"{tmp_path / 'bandit.py'}:Bandit")
     given = from_mapping(fusion_parameters("Bandit"), values(bandit_rate=0.5), "here")
     assert learns(given)
-    session = Session(given)
+    session = SoccerSession(given)
     play(session, 12)
     policy = session.policy()
     assert policy is not None
     assert policy.kind == "Bandit"
     assert policy.arrays["values"].any()
-    slow = Session(from_mapping(fusion_parameters("Bandit"), values(bandit_rate=0.001), "here"))
+    slow = SoccerSession(from_mapping(fusion_parameters("Bandit"), values(bandit_rate=0.001), "here"))
     play(slow, 12)
     slower = slow.policy()
     assert slower is not None
     assert np.abs(slower.arrays["values"]).max() < np.abs(policy.arrays["values"]).max()
-    frozen = Session(from_mapping(fusion_parameters("Bandit"), values(learn=False), "here"), policy)
+    frozen = SoccerSession(from_mapping(fusion_parameters("Bandit"), values(learn=False), "here"), policy)
     play(frozen, 3)
     again = frozen.policy()
     assert again is not None
@@ -66,7 +66,7 @@ def test_the_same_seed_plays_the_same(tmp_path: Path) -> None:
     resolve_controller(bandit(tmp_path))
     digests: list[str] = []
     for seed in (1, 1, 2):
-        session = Session(from_mapping(fusion_parameters("Bandit"), values(seed=seed, bandit_random=1.0), "here"))
+        session = SoccerSession(from_mapping(fusion_parameters("Bandit"), values(seed=seed, bandit_random=1.0), "here"))
         play(session, 4)
         digests.append(session.digest)
     assert digests[0] == digests[1] != digests[2]
@@ -81,7 +81,7 @@ def test_a_file_that_was_edited_is_played_as_it_is_now(tmp_path: Path) -> None:
     for driver in (0, 1, 0):
         path = written(tmp_path, NOT_SAVED.replace("self.weights, -1", f"self.weights, {driver}"))
         resolve_controller(str(path))
-        chosen.append(play(Session(replace(parameters(), controller="A")), 1)[0].driver)
+        chosen.append(play(SoccerSession(replace(parameters(), controller="A")), 1)[0].driver)
     assert chosen == [0, 1, 0], "the texts are of one length, written within a second"
 
 
@@ -116,7 +116,7 @@ def test_a_function_registered_from_python_gets_all_parameters() -> None:
         return Last()
 
     register_controller("last", make)
-    session = Session(replace(parameters(), controller="last"))
+    session = SoccerSession(replace(parameters(), controller="last"))
     decisions = play(session, 1)
     assert {decision.driver for decision in decisions} == {1}
     assert session.policy() is None
@@ -188,7 +188,7 @@ def test_what_is_wrong_with_a_controller_is_one_line(tmp_path: Path, text: str, 
         )
     resolve_controller(f"{written(tmp_path, text)}:A")
     with pytest.raises(BadInput) as refused:
-        play(Session(replace(parameters(), controller="A")), 1)
+        play(SoccerSession(replace(parameters(), controller="A")), 1)
     assert reason in str(refused.value)
     assert str(refused.value).startswith("controller 'A': ")
     assert "\n" not in str(refused.value)
@@ -210,7 +210,7 @@ def test_what_is_wrong_with_a_controller_is_one_line(tmp_path: Path, text: str, 
 )
 def test_what_is_wrong_with_what_was_learned_is_one_line(tmp_path: Path, learned: str, reason: str) -> None:
     resolve_controller(f"{written(tmp_path, NOT_SAVED.replace('LEARNED', learned))}:A")
-    session = Session(replace(parameters(), controller="A"))
+    session = SoccerSession(replace(parameters(), controller="A"))
     play(session, 1)
     with pytest.raises(BadInput) as refused:
         session.policy()
@@ -237,7 +237,7 @@ def test_an_installed_controller_is_found_by_its_name(tmp_path: Path, monkeypatc
     entries = [EntryPoint("bandit", "bandit:Bandit", "fbql.controllers")]
     monkeypatch.setattr(own_code, "entry_points", lambda group, name: [x for x in entries if x.name == name])
     assert resolve_controller("bandit") == ("bandit", "")
-    assert make_controller(from_mapping(fusion_parameters("bandit"), values(controller="bandit"), "here")) is not None
+    assert SoccerSession(from_mapping(fusion_parameters("bandit"), values(controller="bandit"), "here"))
     assert source_file("bandit") == str(tmp_path / "bandit.py")
     entries.append(EntryPoint("other", "nowhere:Bandit", "fbql.controllers"))
     with pytest.raises(BadInput, match=r"entry point fbql.controllers: other = nowhere:Bandit: ModuleNotFoundError"):

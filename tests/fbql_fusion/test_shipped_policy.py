@@ -12,7 +12,7 @@ from fbql.match.in_process import play
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.storage import load_tree
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.policy_storage import load_policy
 from fbql_recording.core.metrics import Summary
 from fbql_sim.core.world_loop import WorldLoop
@@ -28,7 +28,7 @@ SEED = 2000
 
 def played(parameters: FusionParameters, policy: bool) -> Summary:
     behaviors = [Behavior(name, load_tree(TREES / f"{name}.json")) for name in parameters.behaviors]
-    session = Session(replace(parameters, seed=SEED, episodes=30), load_policy(POLICY) if policy else None)
+    session = SoccerSession(replace(parameters, seed=SEED, episodes=30), load_policy(POLICY) if policy else None)
     play(session, WorldLoop(), behaviors, lambda: True)
     return session.summary()
 

@@ -16,7 +16,10 @@ from fbql_fusion.core.learners.value.learner import FbqlValue
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import make_controller
-from fbql_fusion.core.session import Session, episode_seed
+from fbql_fusion.core.session import episode_seed
+from fbql_fusion.core.soccer_session import SoccerSession
+from fbql_fusion.core.tasks.soccer.subsumption import Subsumption
+from fbql_fusion.core.tasks.soccer.task import SoccerTask
 from numpy.typing import NDArray
 from two_sides import UP, Answers, Heard, TwoSides, answer, parameters, play, world_state
 
@@ -28,14 +31,14 @@ GOAL = {"goal": True, "terminated": True}
 TIMEOUT = {"truncated": True}
 
 
-def learned(session: Session) -> Policy:
+def learned(session: SoccerSession) -> Policy:
     """The policy of a session that has one."""
     policy = session.policy()
     assert policy is not None
     return policy
 
 
-def arrays_of(session: Session) -> Arrays:
+def arrays_of(session: SoccerSession) -> Arrays:
     """The arrays of its policy."""
     return dict(learned(session).arrays)
 
@@ -55,7 +58,7 @@ def anywhere(seed: int) -> Heard:
 
 def learner_of(given: FusionParameters) -> Fbql | FbqlValue:
     """The learner that the parameters name, without a session around it."""
-    learner = make_controller(given)
+    learner = make_controller(given, SoccerTask(1.0, -1.0, 0.0), Subsumption(given))
     assert isinstance(learner, Fbql | FbqlValue)
     return learner
 
@@ -84,7 +87,7 @@ def live(learner: Fbql | FbqlValue, numbers: range, phase: Phase) -> None:
 
 
 def stay(
-    session: Session, steps: int, leaves: Callable[[int], tuple[int, int]] = lambda _: (1, 2), **end: bool
+    session: SoccerSession, steps: int, leaves: Callable[[int], tuple[int, int]] = lambda _: (1, 2), **end: bool
 ) -> list[tuple[int, tuple[float, ...]]]:
     """Driver and weights of each step of an episode in which the world state stays the same."""
     begun = session.next_episode()
@@ -101,11 +104,11 @@ def stay(
 
 def trained(learner: str = "fbql", **changes: Any) -> Policy:
     """The policy of a learner after 30 episodes."""
-    session = Session(parameters(learner, seed=1, **changes))
+    session = SoccerSession(parameters(learner, seed=1, **changes))
     play(session, 30)
     return learned(session)
 
 
-def frozen(policy: Policy, **changes: Any) -> Session:
+def frozen(policy: Policy, **changes: Any) -> SoccerSession:
     """A session that plays a policy and learns nothing."""
-    return Session(parameters(policy.kind, seed=5, learn=False, **changes), policy)
+    return SoccerSession(parameters(policy.kind, seed=5, learn=False, **changes), policy)

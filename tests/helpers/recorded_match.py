@@ -15,7 +15,7 @@ from fbql_behaviors.storage import load_tree
 from fbql_common.core.types import BehaviorOutput, World
 from fbql_common.wire import encode_command, encode_decision, encode_output, encode_world
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import load_policy
 from fbql_fusion.run_recorder import RunRecorder
@@ -61,7 +61,7 @@ def record_match(
     """
     parameters = FusionParameters(**{"episodes": 2, "seed": 3, **fusion})
     files = {name: trees / f"{name}.json" for name in parameters.behaviors}
-    session = Session(parameters, None if policy is None else load_policy(policy))
+    session = SoccerSession(parameters, None if policy is None else load_policy(policy))
     loop = WorldLoop(SimulationParameters(max_steps=max_steps))
     sources = dict(observations or {})
     behaviors = [

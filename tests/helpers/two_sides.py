@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from fbql_common.core.types import BehaviorOutput, Decision, World
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 
 UP, DOWN = 0, 1
 BEHAVIORS = ["up", "down"]
@@ -99,7 +99,7 @@ class TwoSides:
         return world_state(episode, step, **(place | changes))
 
 
-def play(session: Session, episodes: int, heard: Heard = lambda _, answers: answers) -> list[Decision]:
+def play(session: SoccerSession, episodes: int, heard: Heard = lambda _, answers: answers) -> list[Decision]:
     """Plays a number of episodes. `heard` may alter the behaviors' answers to a world state."""
     task, decisions = TwoSides(), list[Decision]()
     for _ in range(episodes):
@@ -115,6 +115,6 @@ def play(session: Session, episodes: int, heard: Heard = lambda _, answers: answ
     return decisions
 
 
-def goals(session: Session, last: int) -> float:
+def goals(session: SoccerSession, last: int) -> float:
     """The share of goals among the last episodes."""
     return sum(record.outcome == "goal" for record in session.records[-last:]) / last

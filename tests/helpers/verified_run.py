@@ -6,7 +6,7 @@ from pathlib import Path
 
 from fbql.replay.recomputation import RecordedBehaviors, recorded_parameters, recorded_policy, recorded_trees
 from fbql.replay.verification import Verification, verify
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_recording.run import open_run
 
 
@@ -16,4 +16,4 @@ def verification_of(path: Path) -> Verification:
     parameters, notes = recorded_parameters(run)
     assert notes == []
     behaviors = RecordedBehaviors(run, recorded_trees(run), {})
-    return verify(run, Session(parameters, recorded_policy(run)), behaviors, lambda _: None)
+    return verify(run, SoccerSession(parameters, recorded_policy(run)), behaviors, lambda _: None)

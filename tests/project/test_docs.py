@@ -19,11 +19,12 @@ from fbql_behaviors.core.instructors import Habits
 from fbql_behaviors.core.leaf_tuning import TuningParameters
 from fbql_behaviors.core.recipes import Recipe
 from fbql_fusion.core.controllers.parameters import SessionParameters
-from fbql_fusion.core.guides.subsumption import PRESETS, SubsumptionParameters
 from fbql_fusion.core.learners.literal.parameters import LiteralParameters
 from fbql_fusion.core.learners.parameters import FeatureParameters
 from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
 from fbql_fusion.core.learners.value.parameters import FbqlValueParameters
+from fbql_fusion.core.tasks.soccer.parameters import SoccerParameters
+from fbql_fusion.core.tasks.soccer.subsumption import PRESETS, SubsumptionParameters
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_sim.core.parameters import SimulationParameters
 from places import ROOT
@@ -59,6 +60,7 @@ DECLARATIONS = {
         LiteralParameters,
         Recipe,
         SessionParameters,
+        SoccerParameters,
         SimulationParameters,
         SubsumptionParameters,
         TuningParameters,

@@ -26,7 +26,7 @@ from fbql_common.wire import (
     encode_world,
 )
 from fbql_fusion.core.controllers.parameters import CONTROLLERS
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_recording.recovery.recover import recover
 from fbql_recording.run import open_run
 from mcap.opcode import Opcode
@@ -383,7 +383,7 @@ def test_after_a_gap_a_decision_of_another_policy_is_a_difference(policies, tmp_
     run = open_run(without_chunk(record_match(tmp_path / "run", max_steps=30, episodes=4, **frozen), 0))
     parameters, _ = recorded_parameters(run)
     behaviors = RecordedBehaviors(run, recorded_trees(run), {})
-    other = verify_steps(run, Session(parameters, None), behaviors, lambda _: None)
+    other = verify_steps(run, SoccerSession(parameters, None), behaviors, lambda _: None)
     assert other.difference is not None
     assert other.difference.episode == 1
     assert "learned_weights" in other.difference.what

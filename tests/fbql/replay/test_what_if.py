@@ -13,7 +13,7 @@ from commands import replay as main
 from fbql_behaviors.core.tree import Leaf, Tree
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_recording.run import open_run
 from recorded_match import TREES, record_match
 
@@ -51,7 +51,7 @@ def test_another_parameter_decides_as_a_session_with_that_parameter_does(learned
     table = tmp_path / "steps.csv"
     found = what_if(learned, capsys, "--set", "weight_gain=0.05", "--csv", str(table))
     assert found["changed"] == {"weight_gain": [0.01, 0.05]}
-    session = Session(FusionParameters(episodes=2, seed=3, weight_gain=0.05, **LEARNING))
+    session = SoccerSession(FusionParameters(episodes=2, seed=3, weight_gain=0.05, **LEARNING))
     differing, commands = 0, []
     with table.open(newline="") as file:
         for row, step in zip(csv.DictReader(file), open_run(learned).steps(), strict=True):

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from fbql_common.core.field import MAX_WHEEL_RAD_S
+from fbql_common.core.field import MAX_WHEEL_RAD_S, WHEELS
 from fbql_common.core.types import BehaviorOutput
 from fbql_fusion.core.blending import blend, live_weights
 from hypothesis import given
@@ -17,16 +17,16 @@ def answer(left: float, right: float) -> BehaviorOutput:
 
 
 def test_command_is_the_weighted_sum_of_the_references():
-    fused = blend((0.5, 0.25, 0.25), [answer(10.0, -4.0), answer(20.0, 8.0), answer(-8.0, 16.0)])
-    assert fused == (8.0, 4.0, (0.5, 0.25, 0.25), False)
+    fused = blend((0.5, 0.25, 0.25), [answer(10.0, -4.0), answer(20.0, 8.0), answer(-8.0, 16.0)], WHEELS)
+    assert fused == ((8.0, 4.0), (0.5, 0.25, 0.25), False)
 
 
 @given(st.lists(st.tuples(st.floats(0.01, 1), references, references), min_size=1, max_size=8))
 def test_a_blend_lies_between_its_references(parts):
     total = sum(part[0] for part in parts)
-    fused = blend([part[0] / total for part in parts], [answer(left, right) for _, left, right in parts])
-    assert min(p[1] for p in parts) - 1e-9 <= fused.left_rad_s <= max(p[1] for p in parts) + 1e-9
-    assert min(p[2] for p in parts) - 1e-9 <= fused.right_rad_s <= max(p[2] for p in parts) + 1e-9
+    fused = blend([part[0] / total for part in parts], [answer(left, right) for _, left, right in parts], WHEELS)
+    assert min(p[1] for p in parts) - 1e-9 <= fused.command[0] <= max(p[1] for p in parts) + 1e-9
+    assert min(p[2] for p in parts) - 1e-9 <= fused.command[1] <= max(p[2] for p in parts) + 1e-9
     assert not fused.rejected
 
 
@@ -35,16 +35,16 @@ def test_a_blend_lies_between_its_references(parts):
     [(), (1.0,), (0.25,) * 4, (math.nan, 0.5, 0.5), (math.inf, 0.0, 0.0), (math.inf, -math.inf, 1.0), (1e308,) * 3],
 )
 def test_weights_of_wrong_length_or_not_finite_give_way_to_uniform_ones(weights):
-    fused = blend(weights, [answer(3.0, 0.0), answer(6.0, 0.0), answer(9.0, 3.0)])
+    fused = blend(weights, [answer(3.0, 0.0), answer(6.0, 0.0), answer(9.0, 3.0)], WHEELS)
     assert fused.rejected
     assert fused.weights == (1 / 3,) * 3
-    assert (fused.left_rad_s, fused.right_rad_s) == pytest.approx((6.0, 1.0))
+    assert fused.command == pytest.approx((6.0, 1.0))
 
 
 def test_weights_of_missing_behaviors_are_shared_in_proportion():
-    fused = blend((0.5, 0.3, 0.2), [None, answer(10.0, 0.0), answer(0.0, 10.0)])
+    fused = blend((0.5, 0.3, 0.2), [None, answer(10.0, 0.0), answer(0.0, 10.0)], WHEELS)
     assert fused.weights == pytest.approx((0.0, 0.6, 0.4))
-    assert (fused.left_rad_s, fused.right_rad_s) == pytest.approx((6.0, 4.0))
+    assert fused.command == pytest.approx((6.0, 4.0))
     assert not fused.rejected
 
 
@@ -53,7 +53,7 @@ def test_the_live_weigh_the_same_where_all_weight_was_on_the_missing():
 
 
 def test_with_everybody_missing_the_wheels_stop():
-    assert blend((0.5, 0.5), [None, None]) == (0.0, 0.0, (0.0, 0.0), False)
+    assert blend((0.5, 0.5), [None, None], WHEELS) == ((0.0, 0.0), (0.0, 0.0), False)
 
 
 @given(st.lists(st.tuples(st.floats(0, 1), st.booleans()), min_size=1, max_size=6))
@@ -67,5 +67,5 @@ def test_live_weights_sum_to_one_over_the_live_and_are_zero_elsewhere(parts):
 
 def test_weights_that_leave_the_unit_range_never_command_more_than_the_wheels_can():
     """Possible only with the bounds of eq. 6 switched off."""
-    fused = blend((11.0, -10.0), [answer(80.0, -80.0), answer(-80.0, 80.0)])
-    assert (fused.left_rad_s, fused.right_rad_s) == (MAX_WHEEL_RAD_S, -MAX_WHEEL_RAD_S)
+    fused = blend((11.0, -10.0), [answer(80.0, -80.0), answer(-80.0, 80.0)], WHEELS)
+    assert fused.command == (MAX_WHEEL_RAD_S, -MAX_WHEEL_RAD_S)

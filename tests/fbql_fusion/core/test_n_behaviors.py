@@ -10,7 +10,7 @@ from fbql_behaviors.storage import load_tree
 from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, Decision
 from fbql_fusion.core.controllers.parameters import CONTROLLERS
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from places import ROOT
@@ -28,13 +28,13 @@ def behaviors_of(n: int) -> list[Behavior]:
     return [Behavior(name, trees[k % 3]) for k, name in enumerate(NAMES[:n])]
 
 
-def played(n: int, controller: str, **changes: object) -> tuple[Session, list[Decision]]:
+def played(n: int, controller: str, **changes: object) -> tuple[SoccerSession, list[Decision]]:
     """A short match of n behaviors, and its decisions."""
     layers = [*NAMES[1:n], NAMES[0]]
     parameters = FusionParameters(
         controller=controller, behaviors=list(NAMES[:n]), layers=layers, episodes=2, seed=5, **changes
     )
-    session = Session(parameters)
+    session = SoccerSession(parameters)
     loop = WorldLoop(SimulationParameters(max_steps=150))
     decisions: list[Decision] = []
     play(session, loop, behaviors_of(n), lambda: True, lambda *step: decisions.append(step[3]))
@@ -66,7 +66,7 @@ def test_what_is_learned_about_n_behaviors_is_kept_and_played_on(controller: str
     assert policy is not None
     assert policy.behaviors == NAMES[:n]
     assert len(policy.leaf_counts) == len(policy.tree_hashes) == n
-    again = Session(session.parameters, policy).policy()
+    again = SoccerSession(session.parameters, policy).policy()
     assert again is not None
     assert all(np.array_equal(again.arrays[name], array) for name, array in policy.arrays.items())
 
@@ -86,7 +86,7 @@ def test_fbql_remembers_what_was_visited_and_not_the_product_of_n_trees(n: int) 
 @COUNTS
 def test_equal_weights_are_the_mean_of_n_references(n: int) -> None:
     behaviors = behaviors_of(n)
-    session = Session(FusionParameters(controller="uniform", behaviors=list(NAMES[:n]), episodes=1))
+    session = SoccerSession(FusionParameters(controller="uniform", behaviors=list(NAMES[:n]), episodes=1))
     begun = session.next_episode()
     assert begun is not None
     world = WorldLoop().reset(*begun)
@@ -100,7 +100,7 @@ def test_equal_weights_are_the_mean_of_n_references(n: int) -> None:
 @COUNTS
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_the_other_behaviors_play_on_when_one_of_n_is_gone(controller: str, n: int) -> None:
-    session = Session(
+    session = SoccerSession(
         FusionParameters(controller=controller, behaviors=list(NAMES[:n]), layers=list(NAMES[:n]), guided=0, episodes=1)
     )
     begun = session.next_episode()

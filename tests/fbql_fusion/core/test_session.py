@@ -9,10 +9,11 @@ import pytest
 from fbql_common.core.errors import BadInput
 from fbql_common.core.field import MAX_WHEEL_RAD_S
 from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Decision, Phase, WheelCommand, World
-from fbql_fusion.core import session as session_module
+from fbql_fusion.core import soccer_session as session_module
 from fbql_fusion.core.controllers.interface import Selection
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import Session, episode_seed
+from fbql_fusion.core.session import episode_seed
+from fbql_fusion.core.soccer_session import SoccerSession
 
 Answers = list[BehaviorOutput | None]
 LEAF_COUNTS = (120, 11, 37)
@@ -43,7 +44,7 @@ TIMEOUT = {"truncated": True}
 
 
 def play(
-    session: Session,
+    session: SoccerSession,
     steps: int = 3,
     end: dict[str, bool] | None = None,
     outputs: Callable[[int], Answers] = lambda step: answers(),
@@ -57,7 +58,7 @@ def play(
     ]
 
 
-def learned(session: Session) -> dict[tuple[int, ...], tuple[list[float], list[float]]]:
+def learned(session: SoccerSession) -> dict[tuple[int, ...], tuple[list[float], list[float]]]:
     """The rows of what fbql_literal has learned."""
     policy = session.policy()
     assert policy is not None
@@ -74,7 +75,7 @@ def learned(session: Session) -> dict[tuple[int, ...], tuple[list[float], list[f
 
 
 def test_guided_episodes_come_first_and_do_not_count():
-    session = Session(FusionParameters(controller="fbql_literal", guided=2, episodes=3))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=2, episodes=3))
     for _ in range(5):
         play(session)
     assert [record.phase for record in session.records] == [Phase.GUIDED] * 2 + [Phase.LEARNING] * 3
@@ -83,7 +84,7 @@ def test_guided_episodes_come_first_and_do_not_count():
 
 
 def test_a_run_is_done_at_its_goals_however_many_episodes_that_takes():
-    session = Session(FusionParameters(goals=2))
+    session = SoccerSession(FusionParameters(goals=2))
     for end in (GOAL, OWN_GOAL, TIMEOUT, GOAL):
         play(session, end=end)
     assert session.next_episode() is None
@@ -91,14 +92,14 @@ def test_a_run_is_done_at_its_goals_however_many_episodes_that_takes():
 
 
 def test_a_run_is_done_at_whichever_limit_comes_first():
-    session = Session(FusionParameters(goals=5, episodes=2))
+    session = SoccerSession(FusionParameters(goals=5, episodes=2))
     play(session)
     play(session)
     assert session.next_episode() is None
 
 
 def test_a_goal_of_a_guided_episode_is_no_goal_of_the_run():
-    session = Session(FusionParameters(controller="fbql_literal", guided=2, goals=1))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=2, goals=1))
     play(session)
     play(session)
     assert session.next_episode() is not None
@@ -116,7 +117,7 @@ def test_a_goal_of_a_guided_episode_is_no_goal_of_the_run():
     ],
 )
 def test_guided_episodes_unless_said_are_twenty_for_a_controller_that_learns(changes, guided):
-    assert Session(FusionParameters(**changes)).guided == guided
+    assert SoccerSession(FusionParameters(**changes)).guided == guided
 
 
 @pytest.mark.parametrize(
@@ -128,13 +129,13 @@ def test_guided_episodes_unless_said_are_twenty_for_a_controller_that_learns(cha
     ],
 )
 def test_phase_says_whether_the_controller_learns(changes, phase):
-    session = Session(FusionParameters(**changes))
+    session = SoccerSession(FusionParameters(**changes))
     assert {decision.phase for _, decision in play(session)} == {int(phase)}
     assert session.records[0].phase is phase
 
 
 def test_episode_seeds_differ_repeat_and_fit_an_int64():
-    session = Session(FusionParameters(seed=7))
+    session = SoccerSession(FusionParameters(seed=7))
     seeds = []
     for _ in range(50):
         begun = session.next_episode()
@@ -156,7 +157,7 @@ def test_an_episode_seed_never_changes_between_versions():
 
 
 def test_the_next_episode_waits_for_the_end_of_the_one_before():
-    session = Session(FusionParameters())
+    session = SoccerSession(FusionParameters())
     session.next_episode()
     with pytest.raises(ValueError, match="episode 0 has not ended"):
         session.next_episode()
@@ -167,7 +168,7 @@ def test_the_next_episode_waits_for_the_end_of_the_one_before():
     [(0, 1, "after step 1"), (0, 0, "after step 1"), (1, 2, "while episode 0"), (-1, 2, "while episode 0")],
 )
 def test_a_world_state_out_of_order_is_refused_and_changes_nothing(episode, step, reason):
-    session = Session(FusionParameters(controller="fbql_literal", guided=0))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0))
     session.next_episode()
     session.decide(world(0, 0), answers())
     session.decide(world(0, 1, collision_begun=True), answers())
@@ -180,7 +181,7 @@ def test_a_world_state_out_of_order_is_refused_and_changes_nothing(episode, step
 
 @pytest.mark.parametrize("episode", [0, 1, -1])
 def test_a_world_state_outside_of_any_episode_is_refused(episode):
-    session = Session(FusionParameters())
+    session = SoccerSession(FusionParameters())
     with pytest.raises(ValueError, match="no episode has begun"):
         session.decide(world(episode, 0), answers())
     play(session)
@@ -190,7 +191,7 @@ def test_a_world_state_outside_of_any_episode_is_refused(episode):
 
 @pytest.mark.parametrize("outputs", [[], answers()[:2], [*answers(), None]])
 def test_a_wrong_number_of_outputs_is_refused(outputs: Answers):
-    session = Session(FusionParameters())
+    session = SoccerSession(FusionParameters())
     session.next_episode()
     with pytest.raises(ValueError):
         session.decide(world(0, 0), outputs)
@@ -200,7 +201,7 @@ def test_a_wrong_number_of_outputs_is_refused(outputs: Answers):
 
 
 def test_subsumption_lets_one_behavior_drive_and_says_which():
-    session = Session(FusionParameters())
+    session = SoccerSession(FusionParameters())
     session.next_episode()
     command, decision = session.decide(world(0, 0), answers(4, 5, 6))
     assert command == (1, 0, 0, 10.0, 0.0)
@@ -212,7 +213,7 @@ def test_subsumption_lets_one_behavior_drive_and_says_which():
 
 def test_uniform_and_untaught_fbql_blend_all_behaviors_alike():
     for controller in ("uniform", "fbql_literal"):
-        session = Session(FusionParameters(controller=controller, guided=0))
+        session = SoccerSession(FusionParameters(controller=controller, guided=0))
         session.next_episode()
         command, decision = session.decide(world(0, 0), answers())
         assert (command.left_rad_s, command.right_rad_s) == pytest.approx((20.0, 1.0))
@@ -222,13 +223,13 @@ def test_uniform_and_untaught_fbql_blend_all_behaviors_alike():
 
 @pytest.mark.parametrize("end", [GOAL, OWN_GOAL, TIMEOUT])
 def test_an_ended_world_stops_the_wheels(end):
-    command, decision = play(Session(FusionParameters()), end=end)[-1]
+    command, decision = play(SoccerSession(FusionParameters()), end=end)[-1]
     assert (command.left_rad_s, command.right_rad_s) == (0.0, 0.0)
     assert decision.weights == (1.0, 0.0, 0.0)
 
 
 def test_digest_is_of_every_decision_in_order_little_endian():
-    session = Session(FusionParameters())
+    session = SoccerSession(FusionParameters())
     expected = sha256()
     for step, (command, _) in enumerate(play(session, steps=2)):
         state = world(0, step)
@@ -240,7 +241,7 @@ def test_digest_is_of_every_decision_in_order_little_endian():
 
 def test_the_same_run_has_the_same_digest_and_another_seed_another_one():
     def digest(**changes: int) -> str:
-        session = Session(FusionParameters(controller="fbql_literal", guided=1, tie_rule="random", **changes))
+        session = SoccerSession(FusionParameters(controller="fbql_literal", guided=1, tie_rule="random", **changes))
         rng = np.random.default_rng(session.parameters.seed)
         for _ in range(3):
             leaves = rng.integers(0, 4, size=(21, 3)).tolist()
@@ -256,7 +257,7 @@ def test_the_same_run_has_the_same_digest_and_another_seed_another_one():
 
 def test_each_transition_updates_the_row_of_the_state_it_left():
     parameters = FusionParameters(controller="fbql_literal", guided=0, learning_rate=0.5, discount=0.8)
-    session = Session(parameters)
+    session = SoccerSession(parameters)
     path = [(1, 1, 1), (2, 2, 2), (1, 1, 1)]
     play(session, steps=2, outputs=lambda step: answers(*path[step]))
     rows = learned(session)
@@ -270,7 +271,7 @@ def test_each_transition_updates_the_row_of_the_state_it_left():
 
 @pytest.mark.parametrize(("end", "follows"), [(TIMEOUT, 0.5 * 0.8 * 5 / 3), (OWN_GOAL, 0.5 * -10 / 3)])
 def test_termination_is_worth_nothing_and_truncation_what_its_state_is_worth(end, follows):
-    session = Session(FusionParameters(controller="fbql_literal", guided=0, learning_rate=0.5, discount=0.8))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0, learning_rate=0.5, discount=0.8))
     play(session, steps=1, outputs=lambda step: answers(2, 2, 2))
     assert learned(session)[2, 2, 2][0] == pytest.approx([5 / 3] * 3)
     play(session, steps=1, end=end, outputs=lambda step: answers(*((1, 1, 1), (2, 2, 2))[step]))
@@ -278,7 +279,7 @@ def test_termination_is_worth_nothing_and_truncation_what_its_state_is_worth(end
 
 
 def test_decision_carries_q_after_the_update_by_the_last_transition():
-    session = Session(FusionParameters(controller="fbql_literal", guided=0, learning_rate=0.5, discount=0.0))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0, learning_rate=0.5, discount=0.0))
     decisions = [decision for _, decision in play(session, steps=2, outputs=lambda step: answers(2, 2, 2))]
     assert [decision.reward for decision in decisions] == [0.0, 0.0, 10.0]
     assert decisions[1].q == (0.0, 0.0, 0.0)
@@ -286,7 +287,7 @@ def test_decision_carries_q_after_the_update_by_the_last_transition():
 
 
 def test_a_collision_costs_once_when_it_begins():
-    session = Session(FusionParameters(reward_collision=-0.5))
+    session = SoccerSession(FusionParameters(reward_collision=-0.5))
     session.next_episode()
     flags = [{}, {"collision": True, "collision_begun": True}, {"collision": True}, {"collision": True}, GOAL]
     rewards = [session.decide(world(0, k, **flag), answers())[1].reward for k, flag in enumerate(flags)]
@@ -296,7 +297,7 @@ def test_a_collision_costs_once_when_it_begins():
 
 
 def test_a_goal_in_a_collision_is_both():
-    session = Session(FusionParameters())
+    session = SoccerSession(FusionParameters())
     session.next_episode()
     session.decide(world(0, 0), answers())
     _, decision = session.decide(world(0, 1, collision=True, collision_begun=True, **GOAL), answers())
@@ -304,7 +305,7 @@ def test_a_goal_in_a_collision_is_both():
 
 
 def test_in_guided_episodes_subsumption_drives_and_fbql_learns():
-    session = Session(FusionParameters(controller="fbql_literal", guided=1, learning_rate=0.5))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=1, learning_rate=0.5))
     decisions = play(session, steps=1, outputs=lambda step: answers(2, 2, 2))
     command, decision = decisions[0]
     assert (command.left_rad_s, decision.driver, decision.weights) == (10.0, 0, (1.0, 0.0, 0.0))
@@ -314,28 +315,28 @@ def test_in_guided_episodes_subsumption_drives_and_fbql_learns():
 
 
 def test_without_learning_nothing_changes_in_guided_episodes_or_later():
-    session = Session(FusionParameters(controller="fbql_literal", guided=1, learn=False))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=1, learn=False))
     play(session)
     play(session)
     assert learned(session) == {}
 
 
 def test_memory_grows_with_joint_states_visited_while_learning():
-    session = Session(FusionParameters(controller="fbql_literal", guided=0))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0))
     play(session, steps=30, outputs=lambda step: answers(step % 5, 0, 0))
     assert len(learned(session)) == 5
 
 
 @pytest.mark.parametrize("tie_rule", ["none", "all"])
 def test_tied_weights_stay_uniform_where_no_single_behavior_is_the_argmax(tie_rule):
-    session = Session(FusionParameters(controller="fbql_literal", guided=0, tie_rule=tie_rule))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0, tie_rule=tie_rule))
     for _ in range(5):
         play(session, steps=10)
     assert learned(session)[1, 2, 3][1] == pytest.approx([THIRD] * 3)
 
 
 def test_first_of_the_tied_takes_the_weight_from_the_others():
-    session = Session(FusionParameters(controller="fbql_literal", guided=0, tie_rule="first"))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0, tie_rule="first"))
     for _ in range(5):
         play(session, steps=10)
     weights = learned(session)[1, 2, 3][1]
@@ -344,7 +345,7 @@ def test_first_of_the_tied_takes_the_weight_from_the_others():
 
 
 def test_random_tie_rule_gives_every_behavior_its_turn():
-    session = Session(FusionParameters(controller="fbql_literal", guided=0, tie_rule="random", episodes=1))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0, tie_rule="random", episodes=1))
     play(session, steps=200, outputs=lambda step: answers(step % 100, 0, 0))
     winners = {max(range(3), key=weights.__getitem__) for _, weights in learned(session).values()}
     assert winners == {0, 1, 2}
@@ -352,7 +353,7 @@ def test_random_tie_rule_gives_every_behavior_its_turn():
 
 def test_weights_stay_where_the_printed_update_leaves_nothing_to_divide_by():
     """With gains of -1 everybody's weight 1/2 becomes 0: possible only without the bounds."""
-    session = Session(
+    session = SoccerSession(
         FusionParameters(
             controller="fbql_literal", guided=0, behaviors=["ball_seeking", "approaching"], tie_rule="all",
             weight_gain=1.0, weight_offset=-1.0, gain_low=-1e9, weight_floor=-1e9,
@@ -369,7 +370,7 @@ def test_weights_stay_where_the_printed_update_leaves_nothing_to_divide_by():
 
 
 def test_a_missing_behavior_leaves_its_weight_to_the_others_and_its_leaf_open():
-    session = Session(FusionParameters(controller="uniform"))
+    session = SoccerSession(FusionParameters(controller="uniform"))
     session.next_episode()
     outputs = answers()
     outputs[1] = None
@@ -381,7 +382,7 @@ def test_a_missing_behavior_leaves_its_weight_to_the_others_and_its_leaf_open():
 
 
 def test_a_joint_state_with_a_leaf_missing_has_no_q_and_its_weights_are_equal():
-    session = Session(FusionParameters(controller="fbql_literal", guided=0, tie_rule="first"))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0, tie_rule="first"))
     play(session)
     session.next_episode()
     outputs = answers()
@@ -393,7 +394,7 @@ def test_a_joint_state_with_a_leaf_missing_has_no_q_and_its_weights_are_equal():
 
 def test_with_no_behavior_left_the_wheels_stop():
     for controller in ("subsumption", "uniform", "fbql_literal"):
-        session = Session(FusionParameters(controller=controller, guided=0))
+        session = SoccerSession(FusionParameters(controller=controller, guided=0))
         session.next_episode()
         session.decide(world(0, 0), answers())
         command, decision = session.decide(world(0, 1), [None, None, None])
@@ -409,7 +410,7 @@ def one_missing(step: int) -> Answers:
 
 
 def test_from_a_missing_answer_on_nothing_of_the_episode_is_learned():
-    session = Session(FusionParameters(controller="fbql_literal", guided=0))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0))
     decisions = play(session, steps=6, outputs=one_missing)
     assert sorted(learned(session)) == [(0, 0, 0), (1, 0, 0)]
     assert [decision.degraded for _, decision in decisions] == [False] * 3 + [True] * 4
@@ -420,7 +421,7 @@ def test_from_a_missing_answer_on_nothing_of_the_episode_is_learned():
 
 
 def test_an_episode_begun_again_keeps_its_number_and_seed_and_is_degraded():
-    session = Session(FusionParameters(controller="fbql_literal", guided=0))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0))
     begun = session.next_episode()
     assert session.restart_episode() == begun
     for step in range(3):
@@ -437,7 +438,7 @@ def test_an_episode_begun_again_keeps_its_number_and_seed_and_is_degraded():
 
 
 def test_only_an_episode_under_way_is_begun_again():
-    session = Session(FusionParameters())
+    session = SoccerSession(FusionParameters())
     with pytest.raises(ValueError, match="no episode is under way"):
         session.restart_episode()
     play(session)
@@ -447,7 +448,7 @@ def test_only_an_episode_under_way_is_begun_again():
 
 @pytest.mark.parametrize(("gap", "learned_leaves"), [([0, 1, 3, 4, 5], [0]), ([2, 3, 4], [])])
 def test_across_a_gap_and_after_it_nothing_is_learned(gap: Sequence[int], learned_leaves):
-    session = Session(FusionParameters(controller="fbql_literal", guided=0))
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0))
     session.next_episode()
     for step in gap:
         session.decide(world(0, step, **(GOAL if step == gap[-1] else {})), answers(step, 0, 0))
@@ -468,7 +469,7 @@ BAD_ANSWERS = [
 OTHER_TREES = [({"tree_hash": "other"}, "trees"), ({"leaf_count": 36}, "trees")]
 
 
-def hear_one_bad(session: Session, step: int, change: dict[str, object], counter: str) -> None:
+def hear_one_bad(session: SoccerSession, step: int, change: dict[str, object], counter: str) -> None:
     """Lets approaching give a bad answer: it must count as missing, once, under its reason."""
     outputs = answers()
     assert outputs[2] is not None
@@ -484,7 +485,7 @@ def hear_one_bad(session: Session, step: int, change: dict[str, object], counter
 
 @pytest.mark.parametrize(("change", "counter"), BAD_ANSWERS)
 def test_a_first_answer_that_cannot_be_acted_on_counts_as_missing(change, counter):
-    session = Session(FusionParameters(controller="uniform"))
+    session = SoccerSession(FusionParameters(controller="uniform"))
     session.next_episode()
     hear_one_bad(session, 0, change, counter)
     command, _ = session.decide(world(0, 1), answers())
@@ -493,7 +494,7 @@ def test_a_first_answer_that_cannot_be_acted_on_counts_as_missing(change, counte
 
 @pytest.mark.parametrize(("change", "counter"), BAD_ANSWERS + OTHER_TREES)
 def test_a_later_answer_that_cannot_be_acted_on_counts_as_missing(change, counter):
-    session = Session(FusionParameters(controller="uniform"))
+    session = SoccerSession(FusionParameters(controller="uniform"))
     session.next_episode()
     session.decide(world(0, 0), answers())
     hear_one_bad(session, 1, change, counter)
@@ -510,8 +511,8 @@ def test_weights_that_are_none_give_way_to_uniform_ones_and_are_counted(weights,
         def select(self, *_: object) -> Selection:
             return weights, DRIVER_BLEND, (), ()
 
-    monkeypatch.setattr(session_module, "make_controller", lambda _: Broken())
-    session = Session(FusionParameters())
+    monkeypatch.setattr(session_module, "make_controller", lambda *_: Broken())
+    session = SoccerSession(FusionParameters())
     session.next_episode()
     command, decision = session.decide(world(0, 0), answers())
     assert (command.left_rad_s, command.right_rad_s) == pytest.approx((20.0, 1.0))
@@ -521,7 +522,9 @@ def test_weights_that_are_none_give_way_to_uniform_ones_and_are_counted(weights,
 
 def test_the_printed_equations_without_their_bounds_still_command_what_wheels_can_do():
     printed = {"gain_low": -1e9, "gain_high": 1e9, "weight_floor": -1e9, "weight_gain": 1e9, "tie_rule": "first"}
-    session = Session(FusionParameters(controller="fbql_literal", guided=0, reward_goal=1e9, discount=1.0, **printed))
+    session = SoccerSession(
+        FusionParameters(controller="fbql_literal", guided=0, reward_goal=1e9, discount=1.0, **printed)
+    )
     weights: list[float] = []
     for _ in range(20):
         for command, decision in play(session, steps=3):
@@ -534,11 +537,11 @@ def test_the_printed_equations_without_their_bounds_still_command_what_wheels_ca
 
 
 def test_a_policy_goes_on_where_it_ended():
-    once = Session(FusionParameters(controller="fbql_literal", guided=0, tie_rule="first"))
+    once = SoccerSession(FusionParameters(controller="fbql_literal", guided=0, tie_rule="first"))
     play(once)
     policy = once.policy()
     assert policy is not None
-    twice = Session(FusionParameters(controller="fbql_literal", tie_rule="first"), policy)
+    twice = SoccerSession(FusionParameters(controller="fbql_literal", tie_rule="first"), policy)
     assert twice.guided == 0
     assert learned(twice) == learned(once)
     play(once)
@@ -547,14 +550,14 @@ def test_a_policy_goes_on_where_it_ended():
 
 
 def test_there_is_no_policy_where_nothing_is_learned():
-    session = Session(FusionParameters())
+    session = SoccerSession(FusionParameters())
     play(session)
     assert session.policy() is None
-    assert Session(FusionParameters(controller="fbql_literal")).policy() is None
+    assert SoccerSession(FusionParameters(controller="fbql_literal")).policy() is None
 
 
-def taught() -> Session:
-    session = Session(FusionParameters(controller="fbql_literal", guided=0))
+def taught() -> SoccerSession:
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0))
     play(session)
     return session
 
@@ -572,13 +575,13 @@ def test_a_policy_of_something_else_is_refused(changes, parameters, reason):
     policy = taught().policy()
     assert policy is not None
     with pytest.raises(BadInput, match=reason):
-        Session(FusionParameters(**({"controller": "fbql_literal"} | parameters)), policy._replace(**changes))
+        SoccerSession(FusionParameters(**({"controller": "fbql_literal"} | parameters)), policy._replace(**changes))
 
 
 @pytest.mark.parametrize("change", [{"tree_hash": "other"}, {"leaf_count": 300}])
 def test_a_policy_learned_with_other_trees_is_refused_at_the_first_answer(change):
     policy = taught().policy()
-    session = Session(FusionParameters(controller="fbql_literal"), policy)
+    session = SoccerSession(FusionParameters(controller="fbql_literal"), policy)
     session.next_episode()
     outputs = answers()
     assert outputs[1] is not None
@@ -591,7 +594,7 @@ def test_a_policy_learned_with_other_trees_is_refused_at_the_first_answer(change
 
 
 def test_summary_counts_what_it_says():
-    session = Session(FusionParameters(controller="fbql", guided=1, seed=3))
+    session = SoccerSession(FusionParameters(controller="fbql", guided=1, seed=3))
     play(session, steps=100)
     play(session, steps=10, end=GOAL)
     play(session, steps=20, end=OWN_GOAL)
@@ -622,13 +625,13 @@ def test_summary_counts_what_it_says():
 
 
 def test_what_cannot_be_divided_is_none():
-    summary = Session(FusionParameters()).summary()
+    summary = SoccerSession(FusionParameters()).summary()
     assert [summary.success_rate, summary.cost_per_goal, summary.mean_steps_per_goal] == [None] * 3
     assert (summary.wall_s, summary.steps_per_s) == (None, None)
-    session = Session(FusionParameters())
+    session = SoccerSession(FusionParameters())
     play(session, end=TIMEOUT)
     assert (session.summary().success_rate, session.summary().cost_per_goal) == (0.0, None)
 
 
 def test_digest_of_nothing_is_that_of_no_bytes():
-    assert Session(FusionParameters()).digest == sha256(b"").hexdigest()
+    assert SoccerSession(FusionParameters()).digest == sha256(b"").hexdigest()

@@ -13,7 +13,7 @@ from fbql_behaviors.core.exercises import EXERCISES
 from fbql_behaviors.core.leaf_tuning import TuningParameters
 from fbql_behaviors.core.tree import Tree
 from fbql_common.core.errors import BadInput
-from fbql_fusion.core.guides.subsumption import PRESETS, Thresholds
+from fbql_fusion.core.tasks.soccer.subsumption import PRESETS, Thresholds
 from fbql_studies.common.play import Score
 from fbql_studies.leaf_tuning import study as leaf_tuning
 from fbql_studies.runner.study import Result

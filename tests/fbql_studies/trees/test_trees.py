@@ -19,7 +19,7 @@ from fbql_behaviors.core.tree import Leaf, Split, Tree
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
-from fbql_fusion.core.guides.subsumption import Thresholds
+from fbql_fusion.core.tasks.soccer.subsumption import Thresholds
 
 for package in ("sklearn", "matplotlib"):
     pytest.importorskip(package, reason=f"{package} is in requirements/study.txt")

@@ -23,7 +23,7 @@ from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import fusion_parameters, learns
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.policy_storage import save_policy
 from fbql_recording.core.columns import BLOCK_STEPS, Columns, Recorded, block_of
 from fbql_recording.core.metrics import EpisodeRecord
@@ -301,7 +301,7 @@ class _Steps:
         if len(self._block) == BLOCK_STEPS:
             self._finish_block()
 
-    def columns(self, session: Session) -> Columns:
+    def columns(self, session: SoccerSession) -> Columns:
         self._behaviors = session.behaviors
         if self._block or not self._blocks:
             self._finish_block()

@@ -13,7 +13,7 @@ from fbql_msgs.srv import ResetEpisode
 from rclpy.task import Future
 
 from fbql_fusion.core.assembly import StepAssembly
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 
 _ASK_AGAIN_S = 2.0
 
@@ -31,7 +31,7 @@ class Episodes:
     def __init__(
         self,
         node: GraphNode,
-        session: Session,
+        session: SoccerSession,
         assembly: StepAssembly,
         lost_after_s: float,
         restarted: Callable[[], None],

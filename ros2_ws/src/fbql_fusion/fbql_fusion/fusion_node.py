@@ -34,7 +34,7 @@ from rclpy.clock_type import ClockType
 from fbql_fusion.controller_loading import register_installed, resolve_controller
 from fbql_fusion.core.assembly import Arrival, PendingStep, StepAssembly
 from fbql_fusion.core.registry import fusion_parameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.episodes import Episodes
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import load_policy
@@ -61,7 +61,7 @@ class FusionNode(GraphNode):
                 f"has '{controller}'; set controller:={controller}"
             )
         policy = load_policy(Path(self._settings.policy)) if self._settings.policy else None
-        self._session = Session(fusion, policy)
+        self._session = SoccerSession(fusion, policy)
         self._assembly = StepAssembly(fusion.behaviors)
         self._episodes = Episodes(
             self, self._session, self._assembly, self._settings.world_timeout_s, lambda: self._run.episode_restarted()
@@ -287,7 +287,7 @@ class FusionNode(GraphNode):
             self.finish(INCOMPLETE)
 
 
-def _result_text(session: Session) -> str:
+def _result_text(session: SoccerSession) -> str:
     """What was played of what was asked for, in words."""
     summary, asked = session.summary(), session.parameters
     rate = "" if summary.success_rate is None else f", success rate {summary.success_rate:.1%}"

@@ -76,7 +76,7 @@ def policy_bytes(policy: Policy) -> bytes:
     return buffer.getvalue()
 
 
-def learned_bytes(session: Session) -> bytes | None:
+def learned_bytes(session: Session[Any, Any, Any]) -> bytes | None:
     """The file's bytes of what a session has learned; None where nothing is learned.
 
     Raises:

@@ -42,7 +42,7 @@ from fbql_recording.run_directory import (
 )
 from fbql_recording.run_files import MAX_TEXT_BYTES
 
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import learned_bytes, save_policy
 
@@ -65,7 +65,7 @@ class RunRecorder:
     def __init__(
         self,
         parameters: FusionNodeParameters,
-        session: Session,
+        session: SoccerSession,
         resolve: Callable[[str], str],
         report: Callable[[str], None],
     ) -> None:
@@ -172,7 +172,7 @@ class RunRecorder:
         return INCOMPLETE if self.incomplete else DONE
 
 
-def _directory(parameters: FusionNodeParameters, session: Session) -> tuple[Path, bool]:
+def _directory(parameters: FusionNodeParameters, session: SoccerSession) -> tuple[Path, bool]:
     """The run directory, and whether it was made here."""
     if parameters.run_directory:
         path = Path(parameters.run_directory).absolute()
@@ -191,7 +191,7 @@ def _directory(parameters: FusionNodeParameters, session: Session) -> tuple[Path
     return create_next_run_directory(runs, f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"), True
 
 
-def _config(parameters: FusionNodeParameters, session: Session, launcher_file: str) -> dict[str, Any]:
+def _config(parameters: FusionNodeParameters, session: SoccerSession, launcher_file: str) -> dict[str, Any]:
     """Every parameter in force. A launcher, which also knows the other nodes' parameters, passes them on in its
     parameter file."""
     nodes = launcher_parameters(Path(launcher_file)) if launcher_file else {}

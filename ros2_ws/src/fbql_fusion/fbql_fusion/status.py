@@ -11,7 +11,7 @@ from fbql_common.inputs import Input
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 
 _PERIOD_S = 0.25
 
@@ -19,7 +19,7 @@ _PERIOD_S = 0.25
 class Status:
     """Publishes the state of a session, and how many messages its inputs dropped, a few times a second."""
 
-    def __init__(self, session: Session, inputs: Sequence[Input]) -> None:
+    def __init__(self, session: SoccerSession, inputs: Sequence[Input]) -> None:
         self._session = session
         self._inputs = inputs
         self.decision: Decision | None = None

@@ -18,7 +18,7 @@ from fbql_fusion.core.learners.ppo.learner import Batch, Fbql
 from fbql_fusion.core.learners.trajectories import Trajectory, minibatches
 from fbql_fusion.core.learners.value.learner import FbqlValue
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.policy_storage import load_policy, save_policy
 from held_learners import (
     GOAL,
@@ -42,7 +42,7 @@ SEEDS = pytest.mark.parametrize("seed", [1, 2, 3])
 EACH = pytest.mark.parametrize("learner", LEARNERS)
 
 
-def learned_after_guidance(session: Session) -> Policy:
+def learned_after_guidance(session: SoccerSession) -> Policy:
     """The guided episodes are learned from when the first free one begins."""
     session.next_episode()
     return learned(session)
@@ -76,12 +76,12 @@ THREE_SEEDS = ("alone", "by value")
 def test_from_goals_alone_it_learns_which_behavior_is_right_where(way: str, seed: int) -> None:
     """The guide drives up on either side, which scores in half of its episodes: no help."""
     learner, changes = WAYS_TO_LEARN[way]
-    session = Session(parameters(learner, seed=seed, **changes))
+    session = SoccerSession(parameters(learner, seed=seed, **changes))
     play(session, 160)
     assert goals(session, 50) >= 0.9
 
     def reached(policy: Policy | None, play_: str) -> float:
-        evaluation = Session(
+        evaluation = SoccerSession(
             parameters(learner, seed=seed + 100, learn=False, own_play=play_, **(changes | {"guided": 0})), policy
         )
         play(evaluation, 60)
@@ -95,7 +95,7 @@ def test_from_goals_alone_it_learns_which_behavior_is_right_where(way: str, seed
 @EACH
 def test_the_same_seed_learns_the_same_and_another_seed_another(learner: str) -> None:
     def run(seed: int) -> tuple[str, Arrays]:
-        session = Session(parameters(learner, seed=seed, guided=3))
+        session = SoccerSession(parameters(learner, seed=seed, guided=3))
         play(session, 40)
         return session.digest, arrays_of(session)
 
@@ -109,11 +109,13 @@ def test_the_same_seed_learns_the_same_and_another_seed_another(learner: str) ->
 @SEEDS
 def test_the_guides_failures_are_not_imitated(seed: int) -> None:
     """A guide that always takes up scores where up is right, and only these episodes are examples."""
-    session = Session(parameters(seed=seed, guided=12, fbql_value_rate=0.0))
+    session = SoccerSession(parameters(seed=seed, guided=12, fbql_value_rate=0.0))
     play(session, 12)
     assert {record.outcome for record in session.records} == {"goal", "own_goal"}
     policy = learned_after_guidance(session)
-    blended = Session(parameters(seed=seed + 100, learn=False, guided=0, fbql_play="blended", fbql_patience=0), policy)
+    blended = SoccerSession(
+        parameters(seed=seed + 100, learn=False, guided=0, fbql_play="blended", fbql_patience=0), policy
+    )
     decisions = play(blended, 20)
     wanted = [decision.weights[UP] for decision in decisions if decision.joint_state[0] >= 2]
     other = [decision.weights[UP] for decision in decisions if decision.joint_state[0] < 2]
@@ -124,7 +126,7 @@ def test_the_guides_failures_are_not_imitated(seed: int) -> None:
 @SEEDS
 def test_the_critic_learns_from_guided_episodes_and_from_the_guides_failures_too(seed: int) -> None:
     """Goals make V larger than 0 where they are near, own goals smaller, though only the goals are imitated."""
-    session = Session(parameters(seed=seed, guided=12))
+    session = SoccerSession(parameters(seed=seed, guided=12))
     play(session, 12)
     assert {record.outcome for record in session.records} == {"goal", "own_goal"}
     value = learned_after_guidance(session).arrays["value"]
@@ -141,11 +143,11 @@ def test_following_a_good_guide_needs_no_reward(seed: int) -> None:
         assert up is not None
         return [up._replace(clamped=up.observation[0] >= 0.5), down]
 
-    session = Session(parameters(seed=seed, guided=8, reward_goal=0.0, reward_own_goal=0.0))
+    session = SoccerSession(parameters(seed=seed, guided=8, reward_goal=0.0, reward_own_goal=0.0))
     play(session, 8, right)
     assert [record.outcome for record in session.records] == ["goal"] * 8
     play(session, 1)
-    evaluation = Session(parameters(seed=seed + 100, learn=False), learned(session))
+    evaluation = SoccerSession(parameters(seed=seed + 100, learn=False), learned(session))
     play(evaluation, 40)
     assert goals(evaluation, 40) >= 0.9
 
@@ -159,11 +161,11 @@ def test_following_a_good_guide_needs_no_reward(seed: int) -> None:
 def test_without_learning_nothing_changes_but_the_generator_where_is_drawn(
     learner: str, play_: str, draws: bool, guided: int
 ) -> None:
-    session = Session(parameters(learner, seed=1))
+    session = SoccerSession(parameters(learner, seed=1))
     play(session, 40)
     before = arrays_of(session)
     given = parameters(learner, seed=2, learn=False, guided=guided, own_play=play_, own_patience=0)
-    unlearning = Session(given, learned(session))
+    unlearning = SoccerSession(given, learned(session))
     play(unlearning, 12, anywhere(0))
     after = arrays_of(unlearning)
     drawn = draws or guided > 0
@@ -173,7 +175,7 @@ def test_without_learning_nothing_changes_but_the_generator_where_is_drawn(
 
 @EACH
 def test_without_learning_and_without_a_policy_nothing_is_learned(learner: str) -> None:
-    session = Session(parameters(learner, learn=False, guided=2, own_patience=0))
+    session = SoccerSession(parameters(learner, learn=False, guided=2, own_patience=0))
     play(session, 6)
     assert set(arrays_of(session)) == {"counts", "generator"}
     assert arrays_of(session)["counts"].tolist() == [0, 0]
@@ -224,11 +226,11 @@ def test_some_episodes_wait_when_a_training_is_saved(learner: str) -> None:
 
 @EACH
 def test_before_there_are_features_a_policy_is_a_beginning(learner: str) -> None:
-    session = Session(parameters(learner, seed=1, guided=5))
+    session = SoccerSession(parameters(learner, seed=1, guided=5))
     play(session, 4)
     policy = learned(session)
     assert set(policy.arrays) == {"counts", "generator"}
-    again = Session(parameters(learner, seed=2), policy)
+    again = SoccerSession(parameters(learner, seed=2), policy)
     play(again, 30)
     assert np.abs(arrays_of(again)[TABLE[learner]]).max() > 0.0
 
@@ -236,7 +238,7 @@ def test_before_there_are_features_a_policy_is_a_beginning(learner: str) -> None
 @EACH
 def test_more_features_than_a_table_has_rows_make_it_longer(learner: str) -> None:
     """Ten tiles along each component and random situations: every one of them is new."""
-    session = Session(
+    session = SoccerSession(
         parameters(
             learner, own_hold_steps=1, own_passes=1, fbql_pair_tilings=32, fbql_pair_tiles=64,
             fbql_joint_tilings=32, fbql_joint_tiles=64,
@@ -255,7 +257,7 @@ def test_more_features_than_a_table_has_rows_make_it_longer(learner: str) -> Non
 @EACH
 def test_a_decision_is_held_for_its_steps_and_one_behavior_drives_alone(learner: str) -> None:
     for session in (
-        Session(parameters(learner, seed=1, own_hold_steps=7)),
+        SoccerSession(parameters(learner, seed=1, own_hold_steps=7)),
         frozen(trained(learner), own_play_steps=7, own_play="drawn", own_patience=2),
     ):
         drivers: list[int] = []
@@ -336,7 +338,7 @@ def test_patience_counts_each_joint_state_by_itself_and_0_is_without_end() -> No
 
 @EACH
 def test_an_untrained_learner_draws_every_behavior_alike(learner: str) -> None:
-    drivers = Counter(driver for driver, _ in stay(Session(parameters(learner, own_hold_steps=1)), 2000))
+    drivers = Counter(driver for driver, _ in stay(SoccerSession(parameters(learner, own_hold_steps=1)), 2000))
     assert drivers[UP] == pytest.approx(1000, abs=100)
 
 
@@ -345,7 +347,7 @@ def test_an_untrained_learner_draws_every_behavior_alike(learner: str) -> None:
 
 @EACH
 def test_a_decisions_reward_and_discount_are_those_of_the_steps_it_was_held_for(learner: str) -> None:
-    session = Session(
+    session = SoccerSession(
         parameters(learner, seed=1, own_batch_episodes=1000, own_discount=0.5, own_hold_steps=3, reward_goal=8.0)
     )
     play(session, 28)
@@ -399,7 +401,7 @@ def test_a_guided_decision_is_of_whom_the_guide_took_first(discount: float) -> N
 def test_guided_episodes_of_a_learner_that_knows_much_already_pull_towards_the_guide() -> None:
     """With a policy given. The guide always takes up; no reward, and nothing of it waits for eq. 14."""
     policy = trained()
-    session = Session(parameters(seed=3, guided=8, reward_goal=0.0, reward_own_goal=0.0), policy)
+    session = SoccerSession(parameters(seed=3, guided=8, reward_goal=0.0, reward_own_goal=0.0), policy)
     play(session, 8)
     arrays = arrays_of(session)
     assert arrays["waiting_lengths"].tolist() == policy.arrays["waiting_lengths"].tolist()
@@ -414,7 +416,7 @@ def test_guided_episodes_of_a_learner_that_knows_much_already_pull_towards_the_g
 
 def test_a_robot_that_stands_still_for_many_episodes_leaves_v_within_the_rewards() -> None:
     """A deadlock, the most frequent failure: all of its decisions have the same features."""
-    session = Session(parameters(seed=1, guided=3, fbql_hold_steps=1))
+    session = SoccerSession(parameters(seed=1, guided=3, fbql_hold_steps=1))
     for episode in range(40):
         stay(session, 400, **(GOAL if episode % 5 == 4 else TIMEOUT))
     arrays = arrays_of(session)
@@ -429,17 +431,17 @@ def test_a_robot_that_stands_still_for_many_episodes_leaves_v_within_the_rewards
 
 @cache
 def _taught(learner: str) -> Policy:
-    session = Session(parameters(learner, seed=1, own_batch_episodes=1000))
+    session = SoccerSession(parameters(learner, seed=1, own_batch_episodes=1000))
     play(session, 30)
     return learned(session)
 
 
-def taught(learner: str) -> Session:
+def taught(learner: str) -> SoccerSession:
     """A session that has learned something, between two batches."""
-    return Session(parameters(learner, seed=2, own_batch_episodes=1000), _taught(learner))
+    return SoccerSession(parameters(learner, seed=2, own_batch_episodes=1000), _taught(learner))
 
 
-def assert_not_learned_from(session: Session, spoilt: Callable[[], None]) -> None:
+def assert_not_learned_from(session: SoccerSession, spoilt: Callable[[], None]) -> None:
     """What `spoilt` does counts nothing; a whole episode after it does."""
     before = arrays_of(session)
     spoilt()
@@ -557,7 +559,7 @@ def test_what_is_no_observation_is_not_learned_from(
     learner: str, observation: tuple[float, ...], begun_with: int
 ) -> None:
     """Before there are features, which would be made of it, and afterwards. The policy can be saved all the same."""
-    session = Session(parameters(learner, seed=1, own_passes=1))
+    session = SoccerSession(parameters(learner, seed=1, own_passes=1))
     play(session, begun_with)
 
     def spoilt(world: World, answers: Answers) -> Answers:
@@ -581,7 +583,7 @@ def test_an_episode_that_ends_at_once_is_no_experience(learner: str) -> None:
         stay(session, 0)
 
     assert_not_learned_from(session, spoilt)
-    assert Session(parameters(learner), learned(session)).policy() is not None
+    assert SoccerSession(parameters(learner), learned(session)).policy() is not None
 
 
 @EACH
@@ -589,7 +591,7 @@ def test_behaviors_that_tell_nothing_of_what_they_sense_are_told_apart_by_their_
     def silent(_: World, answers: Answers) -> Answers:
         return [x and x._replace(observation=()) for x in answers]
 
-    session = Session(parameters(learner, seed=1))
+    session = SoccerSession(parameters(learner, seed=1))
     play(session, 120, silent)
     assert goals(session, 40) >= 0.9
 
@@ -599,15 +601,15 @@ def test_behaviors_that_tell_nothing_of_what_they_sense_are_told_apart_by_their_
 def test_who_is_told_nothing_at_all_goes_on_drawing_alike(learner: str, told: int) -> None:
     """Whatever its critic is told."""
     nothing = {"fbql_leaf_pairs": False, "fbql_pair_tilings": 0, "fbql_joint_tilings": 0, "fbql_world_tilings": told}
-    session = Session(parameters(learner, seed=1, **nothing))
+    session = SoccerSession(parameters(learner, seed=1, **nothing))
     drivers = Counter(decision.driver for decision in play(session, 40))
     assert 0.4 < drivers[UP] / (drivers[UP] + drivers[DOWN]) < 0.6
     assert not arrays_of(session)[TABLE[learner]].any()
-    assert Session(parameters(learner, **nothing), learned(session)).policy() is not None
+    assert SoccerSession(parameters(learner, **nothing), learned(session)).policy() is not None
 
 
 def test_drivers_change_only_when_a_decision_is_over_or_a_behavior_is_gone() -> None:
-    session = Session(parameters(seed=2, fbql_hold_steps=50))
+    session = SoccerSession(parameters(seed=2, fbql_hold_steps=50))
 
     def gone_at_10(world: World, answers: Answers) -> Answers:
         return [None, answers[DOWN]] if world.step == 10 else answers

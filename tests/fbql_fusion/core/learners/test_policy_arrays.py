@@ -10,7 +10,7 @@ import pytest
 from fbql_common.core.errors import BadInput
 from fbql_fusion.core.learners.policy_arrays import generator_state, set_generator_state
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.policy_storage import policy_bytes, policy_from_bytes
 from held_learners import LEARNERS, TABLE, learned
 from hypothesis import given
@@ -25,7 +25,7 @@ EACH = pytest.mark.parametrize("learner", LEARNERS)
 @cache
 def good(learner: str) -> Policy:
     """A policy with everything in it, episodes that wait too."""
-    session = Session(parameters(learner, seed=1))
+    session = SoccerSession(parameters(learner, seed=1))
     play(session, 39)
     policy = session.policy()
     assert policy is not None
@@ -41,7 +41,7 @@ TABLES = [(learner, name) for learner, name in ARRAYS if good(learner).arrays[na
 def refusal(learner: str, arrays: dict[str, Array], **changes: object) -> str:
     """The line with which a session refuses the good policy with these arrays instead."""
     with pytest.raises(BadInput) as error:
-        Session(parameters(learner, **changes), good(learner)._replace(arrays=arrays))
+        SoccerSession(parameters(learner, **changes), good(learner)._replace(arrays=arrays))
     assert "\n" not in str(error.value)
     return str(error.value)
 
@@ -62,30 +62,30 @@ def test_the_good_policy_is_taken_and_comes_back_bit_for_bit(learner: str) -> No
     policy = good(learner)
     assert all(array.size for array in policy.arrays.values())
     assert policy.arrays["counts"].min() > 0
-    again = Session(parameters(learner), policy).policy()
+    again = SoccerSession(parameters(learner), policy).policy()
     assert again is not None
     assert policy_bytes(again) == policy_bytes(policy)
 
 
 @EACH
 def test_an_untrained_policy_is_taken_too(learner: str) -> None:
-    session = Session(parameters(learner))
+    session = SoccerSession(parameters(learner))
     play(session, 1)
     policy = session.policy()
     assert policy is not None
-    again = Session(parameters(learner), policy).policy()
+    again = SoccerSession(parameters(learner), policy).policy()
     assert again is not None
     assert policy_bytes(again) == policy_bytes(policy)
 
 
 @EACH
 def test_a_policy_without_episodes_that_wait_is_taken(learner: str) -> None:
-    session = Session(parameters(learner, seed=1))
+    session = SoccerSession(parameters(learner, seed=1))
     play(session, 24)
     policy = session.policy()
     assert policy is not None
     assert policy.arrays["waiting_active"].shape == (0, 0)
-    assert Session(parameters(learner), policy).policy() is not None
+    assert SoccerSession(parameters(learner), policy).policy() is not None
 
 
 # Every array
@@ -179,7 +179,9 @@ def test_a_number_that_cannot_be_is_refused(learner: str, name: str, at: int, va
 
 def test_updates_without_episodes_are_refused_where_only_episodes_that_are_not_guided_make_one() -> None:
     assert "the policy's array 'counts'" in refusal("fbql", changed("fbql", "counts", 0, 0))
-    assert Session(parameters("fbql_value"), good("fbql_value")._replace(arrays=changed("fbql_value", "counts", 0, 0)))
+    assert SoccerSession(
+        parameters("fbql_value"), good("fbql_value")._replace(arrays=changed("fbql_value", "counts", 0, 0))
+    )
 
 
 @EACH
@@ -216,7 +218,7 @@ def test_no_change_ends_in_another_error_and_what_is_taken_is_as_it_was_given(da
         info = np.iinfo(array.dtype)
         array.flat[at] = data.draw(st.integers(int(info.min), int(info.max)) | st.integers(0, 300))
     try:
-        session = Session(parameters(learner), good(learner)._replace(arrays=with_array(learner, name, array)))
+        session = SoccerSession(parameters(learner), good(learner)._replace(arrays=with_array(learner, name, array)))
     except BadInput as error:
         assert "\n" not in str(error)
         return
@@ -253,7 +255,7 @@ def test_a_policy_of_another_critic_is_refused() -> None:
 @EACH
 @pytest.mark.parametrize("mirror", [False, True])
 def test_a_policy_of_another_mirror_is_refused(learner: str, mirror: bool) -> None:
-    session = Session(parameters(learner, fbql_mirror=mirror))
+    session = SoccerSession(parameters(learner, fbql_mirror=mirror))
     play(session, 40)
     found, asked = str(mirror).lower(), str(not mirror).lower()
     reason = f"fbql_mirror {found}, but the parameter is {asked}"
@@ -275,26 +277,26 @@ def test_a_policy_of_another_controller_or_other_behaviors_is_refused(
     learner: str, changes: dict[str, Any], given_: dict[str, Any], reason: str
 ) -> None:
     with pytest.raises(BadInput, match=reason.format(learner=learner)):
-        Session(parameters(learner, **given_), good(learner)._replace(**changes))
+        SoccerSession(parameters(learner, **given_), good(learner)._replace(**changes))
 
 
 def test_neither_learner_takes_a_policy_of_the_other() -> None:
     """Not even where its features fit."""
     for own, other in (LEARNERS, LEARNERS[::-1]):
         with pytest.raises(BadInput, match=f"to controller '{other}', not to '{own}'"):
-            Session(parameters(own), good(other))
-        session = Session(parameters(other, seed=1, fbql_world_tilings=0))
+            SoccerSession(parameters(own), good(other))
+        session = SoccerSession(parameters(other, seed=1, fbql_world_tilings=0))
         play(session, 39)
         renamed = learned(session)._replace(kind=own)
         with pytest.raises(BadInput, match=f"no array '{TABLE[own]}'"):
-            Session(parameters(own, fbql_world_tilings=0), renamed)
+            SoccerSession(parameters(own, fbql_world_tilings=0), renamed)
 
 
 @EACH
 def test_arrays_of_another_number_of_behaviors_are_refused(learner: str) -> None:
     three = good(learner)._replace(behaviors=("up", "down", "third"), tree_hashes=("a",) * 3, leaf_counts=(4,) * 3)
     with pytest.raises(BadInput, match="'lengths' is int64"):
-        Session(parameters(learner, behaviors=["up", "down", "third"]), three)
+        SoccerSession(parameters(learner, behaviors=["up", "down", "third"]), three)
 
 
 @EACH
@@ -303,7 +305,7 @@ def test_arrays_of_another_number_of_behaviors_are_refused(learner: str) -> None
 def test_a_policy_of_other_trees_is_refused_at_the_first_answer(
     learner: str, change: dict[str, Any], learn: bool
 ) -> None:
-    session, task = Session(parameters(learner, learn=learn), good(learner)), TwoSides()
+    session, task = SoccerSession(parameters(learner, learn=learn), good(learner)), TwoSides()
     begun = session.next_episode()
     assert begun is not None
     world, outputs = task.reset(*begun), task.answers()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fbql_common.core.errors import BadInput
 from fbql_fusion.controller_loading import is_file
-from fbql_fusion.core.guides.subsumption import PRESETS
+from fbql_fusion.core.tasks.soccer.subsumption import PRESETS
 from fbql_recording.run import open_run
 
 from fbql.cli.controllers import add_controller_option

@@ -7,7 +7,7 @@ import json
 from contextlib import closing
 from functools import partial
 
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
         complain(note)
     with closing(LiveLine(log_every_s=LOG_EVERY_S, keep=True)) as line:
 
-        def episode_ended(session: Session, elapsed_s: float) -> bool:
+        def episode_ended(session: SoccerSession, elapsed_s: float) -> bool:
             line.show(partial(status_line, status_of(session, elapsed_s)))
             return not interrupts.came
 

@@ -15,7 +15,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, Phase, WheelCommand, World
 from fbql_common.files import removed_on_failure
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.policy_storage import learned_bytes, load_policy
 from fbql_fusion.shipped import shipped_policy
 from fbql_recording.core.metrics import Summary
@@ -31,7 +31,7 @@ StepObserver = Callable[[World, Sequence[BehaviorOutput], WheelCommand, Decision
 class Parts(NamedTuple):
     """What plays a match."""
 
-    session: Session
+    session: SoccerSession
     loop: WorldLoop
     behaviors: list[Behavior]
     """In the order of the session's."""
@@ -42,7 +42,7 @@ class Played(NamedTuple):
 
     match: Match
     """With the run directory, if one was created."""
-    session: Session
+    session: SoccerSession
     summary: Summary
 
 
@@ -65,14 +65,14 @@ def parts_of(match: Match, policy: Policy | None = None) -> Parts:
             behaviors.append(Behavior(name, tree, observation))
         except BadInput as error:
             raise BadInput(f"{path}: {error}") from None
-    session = Session(match.fusion, policy) if policy is not None else _session_of(match)
+    session = SoccerSession(match.fusion, policy) if policy is not None else _session_of(match)
     return Parts(session, WorldLoop(match.simulation), behaviors)
 
 
-def _session_of(match: Match) -> Session:
+def _session_of(match: Match) -> SoccerSession:
     policy = None if match.policy is None else load_policy(match.policy)
     try:
-        return Session(match.fusion, policy)
+        return SoccerSession(match.fusion, policy)
     except BadInput as error:
         if policy is None:
             raise
@@ -96,7 +96,7 @@ def rehearse(match: Match, policy: Policy | None = None) -> None:
 
 
 def play(
-    session: Session,
+    session: SoccerSession,
     loop: WorldLoop,
     behaviors: Sequence[Behavior],
     episode_ended: Callable[[], bool],
@@ -129,7 +129,7 @@ def play_match(
     policy: Policy | None = None,
     *,
     write: bool = True,
-    episode_ended: Callable[[Session, float], bool] = lambda _session, _elapsed_s: True,
+    episode_ended: Callable[[SoccerSession, float], bool] = lambda _session, _elapsed_s: True,
     step_decided: StepObserver | None = None,
 ) -> Played:
     """Plays a match and writes its run directory: the command `train`, and `fbql.play`.
@@ -168,7 +168,7 @@ def play_match(
     return Played(match, session, summary._replace(incomplete=files.failed))
 
 
-def status_of(session: Session, elapsed_s: float) -> dict[str, str]:
+def status_of(session: SoccerSession, elapsed_s: float) -> dict[str, str]:
     """The fields of `match.result.status_line` after an episode."""
     record = session.records[-1]
     outcomes = [each.outcome for each in session.records if each.phase is not Phase.GUIDED]

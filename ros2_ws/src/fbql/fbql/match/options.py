@@ -20,9 +20,10 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, types_of
 from fbql_common.files import remedy
 from fbql_fusion.controller_loading import resolve_controller
-from fbql_fusion.core.guides.subsumption import PRESETS
-from fbql_fusion.core.parameters import FusionParameters, check_fusion, guided_episodes, unused_parameters
+from fbql_fusion.core.controllers.parameters import guided_episodes
+from fbql_fusion.core.parameters import FusionParameters, check_fusion, unused_parameters
 from fbql_fusion.core.registry import fusion_parameters, learns
+from fbql_fusion.core.tasks.soccer.subsumption import PRESETS
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.shipped import shipped_policy
 from fbql_recording.run_directory import create_next_run_directory, create_run_directory

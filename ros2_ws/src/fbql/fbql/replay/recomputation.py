@@ -22,7 +22,7 @@ from fbql_fusion.controller_loading import register_installed
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import fusion_parameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import policy_from_bytes
 from fbql_recording.run import Run
@@ -35,7 +35,7 @@ class OutOfPlace(Exception):
 class RecordedSession:
     """A session that follows the steps of a recording: its episodes begin and restart where the recorded ones did."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: SoccerSession) -> None:
         self.session = session
         self._episode: int | None = None
         self._step = -1

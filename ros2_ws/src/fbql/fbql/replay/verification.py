@@ -23,7 +23,7 @@ from fbql_common.core.text import as_lines
 from fbql_common.core.types import BehaviorOutput, World
 from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.controllers.interface import Drawing
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_recording.core.decoding import MessageCodec
 from fbql_recording.core.steps import StepData
 from fbql_recording.mcap.reader import Corrupt
@@ -96,7 +96,7 @@ class Verification(NamedTuple):
 
 
 def verify(
-    run: Run, session: Session | None, behaviors: RecordedBehaviors, progress: Callable[[int], None]
+    run: Run, session: SoccerSession | None, behaviors: RecordedBehaviors, progress: Callable[[int], None]
 ) -> Verification:
     """Recomputes a recording up to the first difference.
 
@@ -114,7 +114,7 @@ def verify(
 
 
 class _Verifier:
-    def __init__(self, run: Run, session: Session | None, behaviors: RecordedBehaviors) -> None:
+    def __init__(self, run: Run, session: SoccerSession | None, behaviors: RecordedBehaviors) -> None:
         self._run = run
         self._session = session
         self._recorded = None if session is None else RecordedSession(session)
@@ -329,7 +329,7 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
         parameters, notes = recorded_parameters(run)
         if controller not in ("", parameters.controller):
             raise BadInput(f"--controller {arguments.controller}: the run's controller is '{parameters.controller}'")
-        session = Session(parameters, recorded_policy(run))
+        session = SoccerSession(parameters, recorded_policy(run))
     total = max(run.counts.values(), default=0)
     begun_s = monotonic()
     with closing(LiveLine()) as line:

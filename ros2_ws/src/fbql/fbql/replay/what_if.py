@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_recording.core.steps import Step
 from fbql_recording.run import Run
 
@@ -60,7 +60,7 @@ def _answer(output: BehaviorOutput | None) -> tuple[Any, ...] | None:
     return None if output is None else (output.leaf_id, output.left_rad_s, output.right_rad_s)
 
 
-def compare_steps(run: Run, session: Session, behaviors: Mapping[str, Behavior]) -> Iterator[Compared]:
+def compare_steps(run: Run, session: SoccerSession, behaviors: Mapping[str, Behavior]) -> Iterator[Compared]:
     """Every step of a recording, decided again by another session.
 
     Args:

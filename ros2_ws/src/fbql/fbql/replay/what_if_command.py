@@ -19,11 +19,11 @@ from fbql_common.core.parameters import defaults_of, from_mapping, types_of
 from fbql_common.core.text import as_lines
 from fbql_common.files import atomic_text, write_atomically
 from fbql_fusion.controller_loading import resolve_controller
-from fbql_fusion.core.guides.subsumption import FROM_PRESET
 from fbql_fusion.core.parameters import FusionParameters, check_fusion, unused_parameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import fusion_parameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
+from fbql_fusion.core.tasks.soccer.subsumption import FROM_PRESET
 from fbql_fusion.policy_storage import load_policy
 from fbql_recording.run import Run
 
@@ -49,7 +49,7 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
     parameters = _changed(recorded, arguments, controller)
     policy = _policy(run, recorded, parameters, arguments.policy, notes)
     behaviors = _behaviors(run, arguments)
-    session = Session(from_mapping(type(parameters), {**asdict(parameters), **_ENDLESS}, "fusion"), policy)
+    session = SoccerSession(from_mapping(type(parameters), {**asdict(parameters), **_ENDLESS}, "fusion"), policy)
     before = {**defaults_of(type(parameters)), **asdict(recorded)}
     changes = {name: [before[name], now] for name, now in asdict(parameters).items() if now != before[name]}
     tallies = Tallies(run.behaviors)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fbql_common.core.command_space import Axis, CommandSpace
+
 
 @dataclass(frozen=True)
 class Field:
@@ -41,3 +43,10 @@ AXLE_M = 0.07
 """Distance between the wheels [m]."""
 MAX_WHEEL_RAD_S = 88.0
 """Full wheel velocity [rad/s]: 1.76 m/s, the 99.9th percentile (4.42 cm per cycle at 40 Hz) of the match logs."""
+WHEELS = CommandSpace(
+    (
+        Axis("left", "rad/s", -MAX_WHEEL_RAD_S, MAX_WHEEL_RAD_S, 29),
+        Axis("right", "rad/s", -MAX_WHEEL_RAD_S, MAX_WHEEL_RAD_S, 29),
+    )
+)
+"""A soccer robot's command: the paper's 29 levels of each wheel (section II.A.2)."""

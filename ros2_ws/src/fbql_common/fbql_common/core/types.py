@@ -77,6 +77,13 @@ class BehaviorOutput(NamedTuple):
     tree_hash: str
     clamped: bool
     observation: tuple[float, ...]
+    active = True
+    """Every answer is one to drive by; a behavior that has none sends nothing."""
+
+    @property
+    def command(self) -> tuple[float, float]:
+        """The reference as a command in `field.WHEELS`."""
+        return self[4], self[5]
 
 
 class WheelCommand(NamedTuple):

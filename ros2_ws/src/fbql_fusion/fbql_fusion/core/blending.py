@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import NamedTuple
 
-from fbql_common.core.field import MAX_WHEEL_RAD_S
-from fbql_common.core.types import BehaviorOutput, made_of
+from fbql_common.core.command_space import Command, CommandSpace
+
+from fbql_fusion.core.tasks.interface import Answers
 
 SUM_TOLERANCE = 1e-9
 """Weights whose sum is this close to 1 are used as they are."""
@@ -16,44 +17,38 @@ SUM_TOLERANCE = 1e-9
 class Blend(NamedTuple):
     """A command and the weights that made it."""
 
-    left_rad_s: float
-    right_rad_s: float
+    command: Command
     weights: tuple[float, ...]
     """0 where a behavior did not answer; they sum to 1, or are all 0 where none answered."""
     rejected: bool
     """The given weights were unusable, and uniform ones replaced them."""
 
 
-def blend(weights: Sequence[float], outputs: Sequence[BehaviorOutput | None]) -> Blend:
-    """sum_i w_i ref_a_i for the left and the right wheel, at most the wheels' full velocity.
+def blend(weights: Sequence[float], answers: Answers, space: CommandSpace) -> Blend:
+    """sum_i w_i ref_a_i for each axis of the command, within the axis's limits.
 
-    Weights of behaviors that did not answer are shared among the others in proportion. Weights of a wrong number,
-    or that are not finite, are rejected: the behaviors that answered then weigh the same. If no behavior answered, the
-        command is 0, 0.
+    Weights of behaviors that did not answer, or may not drive, are shared among the others in proportion. Weights of a
+    wrong number, or that are not finite, are rejected: the behaviors that answered then weigh the same. If no behavior
+    answered, the command is 0 on every axis.
 
     Args:
         weights: w_i, length n.
-        outputs: n answers; None where a behavior did not answer.
+        answers: length n; None where a behavior did not answer.
     """
-    if len(weights) == len(outputs):
-        left = right = total = 0.0
-        for weight, output in zip(weights, outputs):  # noqa: B905 - as many as each other, or not here
-            if output is None:
-                break
-            left += weight * output.left_rad_s
-            right += weight * output.right_rad_s
-            total += weight
-        else:
-            # False for a NaN too, so that bad weights take the long way.
-            if -SUM_TOLERANCE < total - 1.0 < SUM_TOLERANCE:
-                return made_of(Blend, (limited(left), limited(right), tuple(weights), False))
-    used, rejected = live_weights(weights, [output is not None for output in outputs])
-    left = right = 0.0
-    for weight, output in zip(used, outputs, strict=True):
-        if output is not None:
-            left += weight * output.left_rad_s
-            right += weight * output.right_rad_s
-    return Blend(limited(left), limited(right), used, rejected)
+    live = [answer is not None and answer.active for answer in answers]
+    if len(weights) == len(live) and False not in live and -SUM_TOLERANCE < sum(weights) - 1.0 < SUM_TOLERANCE:
+        used, rejected = tuple(weights), False
+    else:
+        used, rejected = live_weights(weights, live)
+    nothing = space.standstill
+    commands = [nothing if answer is None else answer.command for answer in answers]
+    command: list[float] = []
+    for axis, values in zip(space.axes, zip(*commands, strict=True), strict=True):
+        blended = 0.0
+        for weight, value in zip(used, values, strict=True):
+            blended += weight * value
+        command.append(min(max(blended, axis.low), axis.high))
+    return Blend(tuple(command), used, rejected)
 
 
 def live_weights(weights: Sequence[float], live: Sequence[bool]) -> tuple[tuple[float, ...], bool]:
@@ -80,12 +75,3 @@ def live_weights(weights: Sequence[float], live: Sequence[bool]) -> tuple[tuple[
         # All the weight was on behaviors that are gone: nothing is known about those that are left.
         return uniform, False
     return tuple([weight / total for weight in kept]), False
-
-
-def limited(wheel_rad_s: float) -> float:
-    """A wheel velocity limited to what the wheels can reach [rad/s]. A blend of limited references needs no limit."""
-    if wheel_rad_s > MAX_WHEEL_RAD_S:
-        return MAX_WHEEL_RAD_S
-    if wheel_rad_s < -MAX_WHEEL_RAD_S:
-        return -MAX_WHEEL_RAD_S
-    return wheel_rad_s

@@ -9,14 +9,10 @@ from dataclasses import dataclass
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, limits_of
 
-from fbql_fusion.core.controllers.parameters import (
-    GUIDED_EPISODES,
-    SessionParameters,
-)
-from fbql_fusion.core.guides.subsumption import SubsumptionParameters
 from fbql_fusion.core.learners.literal.parameters import LiteralParameters
 from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
 from fbql_fusion.core.learners.value.parameters import FbqlValueParameters
+from fbql_fusion.core.tasks.soccer.subsumption import SubsumptionParameters
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 GUIDE = "subsumption"
@@ -67,17 +63,6 @@ def check_fusion(parameters: FusionParameters, where: str) -> None:
             f"{where}: parameter 'layers' ({', '.join(parameters.layers)}) names none of the behaviors "
             f"({', '.join(names)}); Subsumption, which also guides, has nothing to drive with"
         )
-
-
-def guided_episodes(parameters: SessionParameters, learning: bool, has_policy: bool) -> int:
-    """The number of guided episodes in force.
-
-    Args:
-        learning: whether the controller learns in this run.
-        has_policy: whether it starts from a policy.
-    """
-    own = GUIDED_EPISODES if learning and not has_policy else 0
-    return parameters.guided if parameters.guided >= 0 else own
 
 
 def unused_parameters(parameters: FusionParameters, given: Collection[str], guided: bool) -> Iterator[str]:

@@ -19,24 +19,24 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, limits_of, types_of
 
 from fbql_fusion.core.controllers.guarded import guard, guarded_call
+from fbql_fusion.core.controllers.guided import Guided
 from fbql_fusion.core.controllers.interface import Controller, Learner
-from fbql_fusion.core.controllers.parameters import CONTROLLERS
+from fbql_fusion.core.controllers.parameters import CONTROLLERS, SessionParameters
 from fbql_fusion.core.controllers.uniform import Uniform
-from fbql_fusion.core.guides.subsumption import Subsumption
 from fbql_fusion.core.learners.literal.learner import FbqlLiteral
 from fbql_fusion.core.learners.ppo.learner import Fbql
 from fbql_fusion.core.learners.value.learner import FbqlValue
 from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.core.tasks.interface import Guide, Task
 
 Factory = Callable[[Any, np.random.Generator], Any]
 """(parameters, generator) -> a controller. The generator is seeded from the run's seed; use no other."""
-_OURS: dict[str, Factory] = {
+_LEARNERS: dict[str, Callable[[Any, Task[Any, Any, Any], np.random.Generator], Learner]] = {
     "fbql": Fbql,
-    "fbql_literal": FbqlLiteral,
+    "fbql_literal": lambda parameters, _, generator: FbqlLiteral(parameters, generator),
     "fbql_value": FbqlValue,
-    "subsumption": lambda parameters, _: Subsumption(parameters),
-    "uniform": lambda parameters, _: Uniform(parameters),
 }
+_OURS = (*_LEARNERS, "subsumption", "uniform")
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
 
@@ -91,12 +91,19 @@ def fusion_parameters(controller: str) -> type[FusionParameters]:
     return dataclasses.make_dataclass("FusionParameters", own, bases=(FusionParameters,), frozen=True)
 
 
-def make_controller(parameters: FusionParameters) -> Controller:
+def make_controller(parameters: SessionParameters, task: Task[Any, Any, Any], guide: Guide) -> Controller:
     """The controller that the parameters name, with its own random stream from the run's seed."""
-    name = parameters.controller
+    name, n = parameters.controller, len(parameters.behaviors)
     generator = np.random.default_rng(np.random.SeedSequence(parameters.seed, spawn_key=(0,)))
+    if name in _LEARNERS:
+        return _LEARNERS[name](parameters, task, generator)
     if name in _OURS:
-        return _OURS[name](parameters, generator)
+        return Uniform(n) if name == "uniform" else Guided(guide, n)
+    return _make_registered(parameters, generator)
+
+
+def _make_registered(parameters: SessionParameters, generator: np.random.Generator) -> Controller:
+    name = parameters.controller
     factory, declaration = _registered[name]
     given: Any = parameters
     if declaration is not None:
@@ -118,9 +125,11 @@ def is_ours(name: str) -> bool:
     return name in _OURS
 
 
-def learns(parameters: FusionParameters) -> bool:
+def learns(parameters: SessionParameters) -> bool:
     """Whether the controller that the parameters name can learn."""
-    return isinstance(make_controller(parameters), Learner)
+    if parameters.controller in _OURS:
+        return parameters.controller in _LEARNERS
+    return isinstance(_make_registered(parameters, np.random.default_rng(0)), Learner)
 
 
 def _check_declaration(declaration: Any, where: str) -> None:

@@ -1,37 +1,27 @@
 """The session: one run from its first episode to its last, decision by decision.
 
-It owns the schedule, the episodes' seeds, the transitions, the rewards and the records. It does not own the world,
-the behaviors, the clock or any file. The same object serves the node and the game in one process.
+It owns the schedule, the episodes' seeds, the transitions and the records. It does not own the task, the behaviors, the
+clock or any file, and does not know what is played: see `core.tasks.interface`. The same object serves a node and a run in one
+process.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from sys import maxsize
 
 import numpy as np
 from fbql_common.core.errors import BadInput
-from fbql_common.core.types import (
-    DRIVER_BLEND,
-    NO_LEAF,
-    BehaviorOutput,
-    Decision,
-    Phase,
-    WheelCommand,
-    World,
-    made_of,
-)
-from fbql_recording.core.metrics import Digest, EpisodeRecord, Summary, summarise
+from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, Decision, Phase, made_of
+from fbql_recording.core.metrics import Digest
 
 from fbql_fusion.core.blending import blend
-from fbql_fusion.core.controllers.interface import Drawing, JointState, Learner, Transition
-from fbql_fusion.core.guides.subsumption import Subsumption
-from fbql_fusion.core.parameters import FusionParameters, check_fusion, guided_episodes
+from fbql_fusion.core.controllers.guided import Guided
+from fbql_fusion.core.controllers.interface import Controller, Drawing, JointState, Learner, Transition
+from fbql_fusion.core.controllers.parameters import SessionParameters, guided_episodes
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.registry import is_ours, make_controller
-
-_INF = float("inf")
+from fbql_fusion.core.tasks.interface import Answer, Answers, Episode, Guide, Moment, Task
 
 
 @dataclass
@@ -68,49 +58,58 @@ def episode_seed(run_seed: int, episode: int) -> int:
     return int(np.random.SeedSequence([run_seed, episode]).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
-class Session:
+class Session[M: Moment, C, R]:
     """One run.
 
     Args:
         parameters: what is played.
+        task: what it is played for.
+        guide: drives the guided episodes.
+        controller: decides in all others.
         policy: what an earlier run learned, to continue from.
 
     Raises:
-        BadInput: parameters that are wrong, or a policy that does not belong to them.
+        BadInput: a policy that does not belong to the controller and the behaviors.
     """
 
-    def __init__(self, parameters: FusionParameters, policy: Policy | None = None) -> None:
-        check_fusion(parameters, "fusion")
+    def __init__(
+        self,
+        parameters: SessionParameters,
+        task: Task[M, C, R],
+        guide: Guide,
+        controller: Controller,
+        policy: Policy | None = None,
+    ) -> None:
         self.parameters = parameters
         self.behaviors = tuple(parameters.behaviors)
-        self.records: list[EpisodeRecord] = []
+        self.records: list[R] = []
         self.rejections = Rejections()
-        self._controller = make_controller(parameters)
+        self._task = task
+        self._space = task.space
+        self._standstill = task.space.standstill
+        self._controller = controller
         self._learner = self._controller if isinstance(self._controller, Learner) else None
-        self._guide = Subsumption(parameters)
+        self._guided = Guided(guide, len(self.behaviors))
         self._given = policy
         if policy is not None:
             self._load(policy)
-        learning = self._learner is not None and parameters.learn
-        self._free_phase = Phase.LEARNING if learning else Phase.EVALUATION
-        self.guided = guided_episodes(parameters, learning, policy is not None)
+        self.is_learning = self._learner is not None and parameters.learn
+        self._free_phase = Phase.LEARNING if self.is_learning else Phase.EVALUATION
+        self.guided = guided_episodes(parameters, self.is_learning, policy is not None)
         """Number of guided episodes, which come first."""
-        self._collision_reward = parameters.collision_reward
         self._trees: list[tuple[int, str] | None] = [None] * len(self.behaviors)
         self._digest = Digest()
         self._steps: int = 0
         self._counted = 0
-        self._goals = 0
+        self._successes = 0
 
-        # The episode being played. No world belongs to none: see _close.
+        # The episode being played. No moment belongs to none: see _close.
         self.phase = Phase.GUIDED if self.guided else self._free_phase
         self._index = -1
         self._seed = 0
         self._episode = -1
         self._step: int = maxsize
         self._degraded = False
-        self._collisions_begun = 0
-        self._collision_steps = 0
         self._return = 0.0
         self._joint_state: JointState = ()
         self._weights: tuple[float, ...] = ()
@@ -127,28 +126,9 @@ class Session:
         return self._steps
 
     @property
-    def forgets_episodes(self) -> bool:
-        """Whether a decision depends on nothing before its episode, but for random draws (`drawing`): it does not learn.
-        What a user's own controller remembers is not known."""
-        return is_ours(self.parameters.controller) and not (self._learner is not None and self.parameters.learn)
-
-    @property
     def drawing(self) -> Drawing | None:
         """The controller, if its draws can be given to it."""
         return self._controller if isinstance(self._controller, Drawing) else None
-
-    def summary(self, wall_s: float | None = None, messages_recorded: int = 0, incomplete: bool = False) -> Summary:
-        """The result so far, including what only the caller knows."""
-        return summarise(
-            self.parameters.controller,
-            self.parameters.seed,
-            self.records,
-            self._steps,
-            self.digest,
-            wall_s,
-            messages_recorded,
-            incomplete,
-        )
 
     def policy(self) -> Policy | None:
         """What has been learned so far; None if the controller can't learn, or no answer has arrived yet."""
@@ -171,11 +151,11 @@ class Session:
         """
         if self._episode >= 0:
             raise ValueError(f"episode {self._episode} has not ended")
-        limits = self.parameters
-        if (limits.episodes and self._counted >= limits.episodes) or (limits.goals and self._goals >= limits.goals):
+        episodes, successes = self.parameters.episodes, self.parameters.success_limit
+        if (episodes and self._counted >= episodes) or (successes and self._successes >= successes):
             return None
         self._index += 1
-        self._seed = episode_seed(limits.seed, self._index)
+        self._seed = episode_seed(self.parameters.seed, self._index)
         self.phase = Phase.GUIDED if self._index < self.guided else self._free_phase
         return self._begin(degraded=False)
 
@@ -186,7 +166,7 @@ class Session:
         self._step = maxsize
 
     def restart_episode(self) -> tuple[int, int]:
-        """Restarts the current episode because its world was lost; returns its number and its seed.
+        """Restarts the current episode because its moments were lost; returns its number and its seed.
 
         It is degraded if it had begun. Its record counts from the new start; `steps` and `digest` cover everything.
 
@@ -201,75 +181,75 @@ class Session:
         self._episode = self._index
         self._step = -1
         self._degraded = degraded
-        self._collisions_begun = 0
-        self._collision_steps = 0
         self._return = 0.0
+        self._task.begin_episode()
         self._controller.begin_episode(self.phase)
         return self._index, self._seed
 
-    def decide(self, world: World, outputs: Sequence[BehaviorOutput | None]) -> tuple[WheelCommand, Decision]:
-        """Answers a world state; learns from the transition that ended in it.
+    def decide(self, moment: M, answers: Answers) -> tuple[C, Decision]:
+        """Answers a moment; learns from the transition that ended in it.
 
-        An ended world closes the episode: its command is 0, 0, and its weights are those that would have been used.
-        A missing step or answer makes the rest of the episode degraded: it is played, but nothing is learned.
+        A moment that ended the episode closes it: its command is 0 on every axis, and its weights are those that would
+        have been used. A missing step or answer makes the rest of the episode degraded: it is played, but nothing is
+        learned.
 
         Args:
-            world: the next world state of the episode that `next_episode` began.
-            outputs: the behaviors' answers to it, in order; None where one did not answer.
+            moment: the next one of the episode that `next_episode` began.
+            answers: the behaviors' answers to it, in order; None where one did not answer.
 
         Raises:
-            ValueError: a world state of another episode, or not later than the last one; a wrong number of outputs.
+            ValueError: a moment of another episode, or not later than the last one; a wrong number of answers.
             BadInput: the behaviors' trees are not those that the policy was learned with.
         """
-        episode, step = world.episode, world.step
+        episode, step = moment.episode, moment.step
         if episode != self._episode or step <= self._step:
             raise ValueError(self._why_out_of_order(episode, step))
-        if len(outputs) != len(self._trees):
-            raise ValueError(f"{len(outputs)} outputs of {len(self._trees)} behaviors")
-        joint_state, heard, complete = self._hear(outputs)
-
-        reward = 0.0
-        if world.collision:
-            self._collision_steps += 1
-        if world.collision_begun:
-            self._collisions_begun += 1
-            reward = self._collision_reward
-        if world.goal:
-            reward += self.parameters.reward_goal
-        elif world.own_goal:
-            reward += self.parameters.reward_own_goal
+        if len(answers) != len(self._trees):
+            raise ValueError(f"{len(answers)} answers of {len(self._trees)} behaviors")
+        joint_state, heard, complete = self._hear(answers)
+        task = self._task
+        reward = task.reward(moment)
         self._return += reward
 
         if not complete or step != self._step + 1:
             self._degraded = True
         phase = self.phase
-        terminated, truncated = world.terminated, world.truncated
+        terminated, truncated = moment.terminated, moment.truncated
         if step > 0 and self._learner is not None and self.parameters.learn and not self._degraded:
-            values = (self._joint_state, self._weights, self._driver, reward, joint_state, terminated, truncated)
+            succeeded = terminated and task.outcome(moment).success
+            values = (
+                self._joint_state,
+                self._weights,
+                self._driver,
+                reward,
+                joint_state,
+                terminated,
+                truncated,
+                succeeded,
+            )
             self._learner.learn(made_of(Transition, values))
 
-        weights, driver, q, learned_weights = self._controller.select(world, joint_state, heard)
+        weights, driver, q, learned_weights = self._controller.select(moment, joint_state, heard)
         if phase is Phase.GUIDED:
-            weights, driver, _, _ = self._guide.select(world, joint_state, heard)
+            weights, driver, _, _ = self._guided.select(moment, joint_state, heard)
         alone = heard[driver] if driver >= 0 else None
         if alone is not None:
-            left, right = alone.left_rad_s, alone.right_rad_s
+            command = alone.command
         else:
-            left, right, weights, rejected = blend(weights, heard)
+            command, weights, rejected = blend(weights, heard, self._space)
             if rejected:
                 self.rejections.weights += 1
         if terminated or truncated:
-            left = right = 0.0
+            command = self._standstill
 
         self._steps += step - max(self._step, 0)
         self._step = step
         self._joint_state = joint_state
         self._weights = weights
         self._driver = driver
-        self._digest.add(world, left, right)
-        stamp_ns = world.stamp_ns
+        self._digest.add(task.digest_bytes(moment, command))
         decided = (
-            stamp_ns,
+            moment.stamp_ns,
             episode,
             step,
             self.parameters.controller,
@@ -284,81 +264,65 @@ class Session:
             learned_weights,
         )
         if terminated or truncated:
-            self._close(world)
-        command = made_of(WheelCommand, (stamp_ns, episode, step, left, right))
-        return command, made_of(Decision, decided)
+            self._close(moment)
+        return task.command(moment, command), made_of(Decision, decided)
 
-    def _hear(
-        self, outputs: Sequence[BehaviorOutput | None]
-    ) -> tuple[JointState, Sequence[BehaviorOutput | None], bool]:
+    def _hear(self, answers: Answers) -> tuple[JointState, Answers, bool]:
         """The joint state, the usable answers, and whether every answer is usable."""
         leaves: list[int] = []
-        for output, tree in zip(outputs, self._trees):  # noqa: B905 - decide compares their numbers
-            if output is not None:
-                _, _, _, _, left, right, leaf_id, leaf_count, tree_hash, _, _ = output
-                is_known = (leaf_count, tree_hash) == tree
-                if is_known and 0 <= leaf_id < leaf_count and -_INF < left < _INF and -_INF < right < _INF:
+        for answer, tree in zip(answers, self._trees):  # noqa: B905 - decide compares their numbers
+            if answer is not None:
+                leaf_id, leaf_count = answer.leaf_id, answer.leaf_count
+                is_known = (leaf_count, answer.tree_hash) == tree
+                if is_known and 0 <= leaf_id < leaf_count and isfinite(sum(answer.command)):
                     leaves.append(leaf_id)
                     continue
-            heard = [self._check_answer(i, output) for i, output in enumerate(outputs)]
+            heard = [self._check_answer(i, answer) for i, answer in enumerate(answers)]
             return tuple([NO_LEAF if x is None else x.leaf_id for x in heard]), heard, None not in heard
-        return tuple(leaves), outputs, True
+        return tuple(leaves), answers, True
 
-    def _check_answer(self, i: int, output: BehaviorOutput | None) -> BehaviorOutput | None:
+    def _check_answer(self, i: int, answer: Answer | None) -> Answer | None:
         """The answer of behavior i, or None if it can't be used. Its first answer determines its tree."""
-        if output is None:
+        if answer is None:
             return None
-        if not 0 <= output.leaf_id < output.leaf_count:
+        if not 0 <= answer.leaf_id < answer.leaf_count:
             self.rejections.leaf_ids += 1
             return None
-        if not (-_INF < output.left_rad_s < _INF and -_INF < output.right_rad_s < _INF):
+        if not all(map(isfinite, answer.command)):
             self.rejections.references += 1
             return None
-        tree = (output.leaf_count, output.tree_hash)
+        tree = (answer.leaf_count, answer.tree_hash)
         if self._trees[i] is None:
             given = self._given
             if given is not None and tree != (given.leaf_counts[i], given.tree_hashes[i]):
                 raise BadInput(
                     f"the policy was learned with another tree of {self.behaviors[i]} (SHA-256 "
                     f"{given.tree_hashes[i][:12]}, {given.leaf_counts[i]} leaves) than the one that answers "
-                    f"({output.tree_hash[:12]}, {output.leaf_count} leaves); use the trees it was learned with"
+                    f"({answer.tree_hash[:12]}, {answer.leaf_count} leaves); use the trees it was learned with"
                 )
             self._trees[i] = tree
         elif self._trees[i] != tree:
             self.rejections.trees += 1
             return None
-        return output
+        return answer
 
-    def _close(self, world: World) -> None:
+    def _close(self, moment: M) -> None:
         """Ends the episode and stores its record."""
-        outcome = "timeout"
-        if world.terminated:
-            outcome = "goal" if world.goal else "own_goal"
-        self.records.append(
-            EpisodeRecord(
-                self._index,
-                self.phase,
-                self._seed,
-                outcome,
-                world.step,
-                self._collisions_begun,
-                self._collision_steps,
-                self._return,
-                self._degraded,
-            )
-        )
+        outcome = self._task.outcome(moment)
+        episode = Episode(self._index, self.phase, self._seed, outcome, self._return, self._degraded)
+        self.records.append(self._task.record(episode, moment))
         if self.phase is not Phase.GUIDED:
             self._counted += 1
-            self._goals += outcome == "goal"
+            self._successes += outcome.success
         self._episode = -1
         self._step = maxsize
 
     def _why_out_of_order(self, episode: int, step: int) -> str:
         if self._episode < 0:
-            return f"world state of episode {episode}, step {step}, but no episode has begun"
+            return f"moment of episode {episode}, step {step}, but no episode has begun"
         if episode != self._episode:
-            return f"world state of episode {episode}, step {step}, while episode {self._episode} is played"
-        return f"world state of episode {episode}, step {step}, after step {self._step} was decided"
+            return f"moment of episode {episode}, step {step}, while episode {self._episode} is played"
+        return f"moment of episode {episode}, step {step}, after step {self._step} was decided"
 
     def _load(self, policy: Policy) -> None:
         """Starts from a policy. Raises BadInput if it does not belong to this controller and these behaviors."""

@@ -96,31 +96,32 @@ def summarise(
     )
 
 
-class Digest:
-    """SHA-256 over every decision in order: equal for equal runs.
+_STEP = struct.Struct("<qq7d").pack
 
-    Each adds 72 bytes, little-endian: episode, step (int64), robot x, y, yaw, ball x, y, left, right (float64).
-    """
+
+def step_bytes(world: World, left_rad_s: float, right_rad_s: float) -> bytes:
+    """What a step of soccer adds to the digest: 72 bytes, little-endian: episode, step (int64), robot x, y, yaw, ball x, y,
+    left, right (float64)."""
+    return _STEP(
+        world.episode,
+        world.step,
+        world.robot_x_m,
+        world.robot_y_m,
+        world.robot_yaw_rad,
+        world.ball_x_m,
+        world.ball_y_m,
+        left_rad_s,
+        right_rad_s,
+    )
+
+
+class Digest:
+    """SHA-256 over every decision in order: equal for equal runs. What each adds is up to the task."""
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
-        self._pack = struct.Struct("<qq7d").pack
-
-    def add(self, world: World, left_rad_s: float, right_rad_s: float) -> None:
-        """Adds a world state and the command that answered it."""
-        self._hash.update(
-            self._pack(
-                world.episode,
-                world.step,
-                world.robot_x_m,
-                world.robot_y_m,
-                world.robot_yaw_rad,
-                world.ball_x_m,
-                world.ball_y_m,
-                left_rad_s,
-                right_rad_s,
-            )
-        )
+        self.add = self._hash.update
+        """Adds the bytes of a decision."""
 
     @property
     def hex(self) -> str:

@@ -13,7 +13,7 @@ from fbql_common.core.types import Phase
 from fbql_common.files import write_atomically
 from mcap.records import Attachment
 
-from fbql_recording.core.metrics import Digest, EpisodeRecord, summarise
+from fbql_recording.core.metrics import Digest, EpisodeRecord, step_bytes, summarise
 from fbql_recording.core.steps import Step
 from fbql_recording.plain_yaml import mapping_from_yaml
 from fbql_recording.run import Run
@@ -91,7 +91,7 @@ class RunDirectoryFiles:
                 count += 1
                 has_gap |= step.after_gap
                 if step.world is not None and step.command is not None:
-                    digest.add(step.world, step.command.left_rad_s, step.command.right_rad_s)
+                    digest.add(step_bytes(step.world, step.command.left_rad_s, step.command.right_rad_s))
                 yield step
 
         episodes = run.episodes(digested())

@@ -11,7 +11,8 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import Phase, World
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.session import Session, episode_seed
+from fbql_fusion.core.session import episode_seed
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_recording.core.metrics import EpisodeRecord
 from fbql_sim.core.scripted_law import law
 from fbql_sim.core.world_loop import WorldLoop
@@ -61,7 +62,7 @@ def frozen(
     policy: Policy | None = None,
 ) -> Result:  # fmt: skip
     """Counts of frozen play on the first episodes of a run seed, which are the same for every method."""
-    session = Session(replace(fusion, learn=False, guided=0, seed=seed, episodes=episodes, goals=0), policy)
+    session = SoccerSession(replace(fusion, learn=False, guided=0, seed=seed, episodes=episodes, goals=0), policy)
     play(session, loop, behaviors, lambda: True)
     return counts_of(session.records)
 
@@ -70,7 +71,7 @@ def score_of(
     fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop, policy: Policy | None = None
 ) -> Score:
     """The score of a session played to its end; guided episodes don't count."""
-    session = Session(fusion, policy)
+    session = SoccerSession(fusion, policy)
     play(session, loop, behaviors, lambda: True)
     summary = session.summary()
     return Score(*(getattr(summary, name) for name in Score._fields))

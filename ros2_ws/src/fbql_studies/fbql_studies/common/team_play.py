@@ -10,8 +10,8 @@ from fbql.statistics.inference import mean_interval, paired_p_value
 from fbql.statistics.tables import Row, finite
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.core.tree import Tree
-from fbql_fusion.core.guides.subsumption import Thresholds
 from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.core.tasks.soccer.subsumption import Thresholds
 from fbql_sim.core.world_loop import WorldLoop
 
 from fbql_studies.common.play import Score, score_of

@@ -15,7 +15,7 @@ from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_fusion.core.controllers.parameters import GUIDED_EPISODES
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
@@ -115,7 +115,7 @@ def as_it_learns(learner: str) -> dict[str, Any]:
 
 def train(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Trained:
     """Plays a training to its end."""
-    session = Session(fusion)
+    session = SoccerSession(fusion)
     visited: set[tuple[int, ...]] = set()
     curve: list[Result] = []
 
@@ -163,7 +163,7 @@ def size_of(policy: Policy) -> Result:
 
 def after_guidance(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Policy:
     """The policy after the guided episodes, before anything else is learned."""
-    session = Session(fusion)
+    session = SoccerSession(fusion)
     play(session, loop, behaviors, lambda: len(session.records) < session.guided)
     session.next_episode()  # only now are the guided episodes learned from
     policy = session.policy()

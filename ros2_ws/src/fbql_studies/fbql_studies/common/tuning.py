@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import product
 
 from fbql_behaviors.core.behavior import Behavior
+from fbql_common.core.field import WHEELS
 from fbql_common.core.types import World
 from fbql_fusion.core.blending import blend
 from fbql_fusion.core.parameters import FusionParameters
@@ -78,8 +79,8 @@ def blend_played(weights: Weights, behaviors: Sequence[Behavior], loop: WorldLoo
     answers = [behavior.answer for behavior in behaviors]
 
     def drive(world: World) -> tuple[float, float]:
-        command = blend(weights, [answer(world) for answer in answers])
-        return command.left_rad_s, command.right_rad_s
+        left, right = blend(weights, [answer(world) for answer in answers], WHEELS).command
+        return left, right
 
     return driven(drive, loop, seed, episodes)
 

@@ -12,7 +12,7 @@ from fbql_common.core.field import FIELD
 from fbql_common.core.types import World
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_sim.core.arena import closest_wall_point
 
 BALL_M = (0.4, 0.3)
@@ -30,7 +30,7 @@ def weight_maps(fusion: FusionParameters, policy: Policy, behaviors: Sequence[Be
     play = {"play": "blended", "play_steps": 1, "patience": 0}
     changes = {f"{fusion.controller}_{name}": value for name, value in play.items()}
     blended = replace(fusion, learn=False, guided=0, episodes=1, goals=0, **changes)
-    session = Session(blended, policy)
+    session = SoccerSession(blended, policy)
     begun = session.next_episode()
     assert begun is not None
     x_m, y_m = (_places(half) for half in (FIELD.half_length_m, FIELD.half_width_m))

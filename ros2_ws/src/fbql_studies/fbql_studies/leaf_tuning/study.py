@@ -23,7 +23,7 @@ from fbql_behaviors.core.observation import OBSERVATIONS
 from fbql_behaviors.core.patterns import patterns_of
 from fbql_behaviors.core.recipes import RECIPES
 from fbql_behaviors.core.tree import Tree
-from fbql_fusion.core.guides.subsumption import PRESETS, Thresholds
+from fbql_fusion.core.tasks.soccer.subsumption import PRESETS, Thresholds
 
 from fbql_studies.common.team_play import RETUNED, retuned, score
 from fbql_studies.leaf_tuning import tables

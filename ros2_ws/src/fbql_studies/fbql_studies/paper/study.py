@@ -24,7 +24,7 @@ from fbql_fusion.core.learners.literal.equations import count_ties
 from fbql_fusion.core.learners.literal.learner import FbqlLiteral
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_recording.core.metrics import OUTCOMES
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
@@ -176,7 +176,7 @@ def play_run(
     fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop, policy: Policy | None = None
 ) -> dict[str, object]:
     """One run of one method: its counts, and [outcome, steps, collisions begun, contact steps] of each episode."""
-    session = Session(fusion, policy)
+    session = SoccerSession(fusion, policy)
     play(session, loop, behaviors, lambda: True)
     counted = [record for record in session.records if record.phase is not Phase.GUIDED]
     result: dict[str, object] = {

@@ -11,7 +11,7 @@ from typing import Any
 from fbql.match.in_process import play
 from fbql_behaviors.core.behavior import Behavior
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_sim.core.world_loop import WorldLoop
 from fbql_sim.gymnasium_env import WheelsEnv
 
@@ -115,7 +115,7 @@ def _played(
 def _session(controller: str, changes: Mapping[str, Any], plan: TrainingPlan) -> Learned:
     """A controller of fusion: guided episodes first, then it drives and learns; then frozen from its policy."""
     fusion = FusionParameters(controller=controller, seed=plan.training_seed, **changes)
-    session = Session(fusion)
+    session = SoccerSession(fusion)
     loop, course = WorldLoop(), Course(plan.budget)
 
     def episode_ended() -> bool:

@@ -21,7 +21,7 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
-from fbql_common.core.field import MAX_WHEEL_RAD_S
+from fbql_common.core.field import MAX_WHEEL_RAD_S, WHEELS
 from fbql_common.core.types import BehaviorOutput, World
 from fbql_fusion.core.blending import blend
 from fbql_fusion.core.parameters import FusionParameters
@@ -59,8 +59,8 @@ class TeamEnv(WheelsEnv):
         """Drives by the weighted sum of the behaviors' answers to each world."""
 
         def drive(world: World) -> tuple[float, float]:
-            command = blend(weights, self.hear(world))
-            return command.left_rad_s, command.right_rad_s
+            left, right = blend(weights, self.hear(world), WHEELS).command
+            return left, right
 
         return drive
 

@@ -12,7 +12,7 @@ from fbql_fusion.core.controllers.interface import Transition
 from fbql_fusion.core.learners.literal.equations import count_ties
 from fbql_fusion.core.learners.literal.learner import FbqlLiteral
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from hypothesis import given
 from hypothesis import strategies as st
 from two_sides import Answers, parameters, play
@@ -47,8 +47,8 @@ def three_times_as_fast_up(_: World, answers: Answers) -> Answers:
 def test_literal_fbql_in_which_a_tie_changes_nothing_is_its_frozen_twin_and_equal_weights(guided: int) -> None:
     """To the last bit of the digest, over episodes of which half end in a goal and half in an own goal."""
 
-    def played(**changes: object) -> Session:
-        session = Session(parameters(seed=3, guided=guided, **changes))
+    def played(**changes: object) -> SoccerSession:
+        session = SoccerSession(parameters(seed=3, guided=guided, **changes))
         play(session, 60, three_times_as_fast_up)
         return session
 

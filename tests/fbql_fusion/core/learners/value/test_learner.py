@@ -9,7 +9,7 @@ import pytest
 from fbql_common.core.types import DRIVER_BLEND, Decision
 from fbql_fusion.core.learners.value.equations import decayed, soft_weights
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
 from held_learners import GOAL, TIMEOUT, Arrays, arrays_of, frozen, learned, stay, trained
 from two_sides import DOWN, UP, goals, parameters, play
 
@@ -17,19 +17,21 @@ VALUE = "fbql_value"
 OWN_GOAL = {"own_goal": True, "terminated": True}
 
 
-def with_values(value: float, **changes: Any) -> Session:
+def with_values(value: float, **changes: Any) -> SoccerSession:
     """A session that learns of each episode at once, by eq. 20 without a trace; all that it knows is worth `value`."""
     given: dict[str, Any] = {"own_batch_episodes": 1, "own_discount": 1.0, "own_trace": 0.0, "own_passes": 1, **changes}
-    met = Session(parameters(VALUE, seed=3, **given), trained(VALUE))
+    met = SoccerSession(parameters(VALUE, seed=3, **given), trained(VALUE))
     stay(met, 3)
     policy = learned(met)
     features = 1 + 1 + 1 + 4 + 4  # leaves, their pair, tilings of the pair and of all
     values = np.zeros_like(policy.arrays["values"])
     values[:, -1] = value / features
-    return Session(parameters(VALUE, seed=3, **given), policy._replace(arrays={**policy.arrays, "values": values}))
+    return SoccerSession(
+        parameters(VALUE, seed=3, **given), policy._replace(arrays={**policy.arrays, "values": values})
+    )
 
 
-def moved(session: Session, before: Arrays) -> np.ndarray:
+def moved(session: SoccerSession, before: Arrays) -> np.ndarray:
     """How the features of where it stays moved: the rows of the table that did."""
     after = arrays_of(session)["values"]
     rows = (after[: len(before["values"])] - before["values"]).any(axis=1).nonzero()[0]
@@ -66,7 +68,7 @@ def test_truncation_is_worth_what_its_state_is_and_termination_nothing() -> None
 def test_of_guided_episodes_it_learns_what_came_of_them_and_of_no_reward_nothing() -> None:
     """It follows no guide: it learns what was worth what."""
     for reward, learns in ((10.0, True), (0.0, False)):
-        session = Session(parameters(VALUE, seed=1, guided=8, reward_goal=reward, reward_own_goal=-reward))
+        session = SoccerSession(parameters(VALUE, seed=1, guided=8, reward_goal=reward, reward_own_goal=-reward))
         play(session, 9)
         arrays = arrays_of(session)
         assert arrays["counts"].tolist() == [1, 1]
@@ -74,7 +76,7 @@ def test_of_guided_episodes_it_learns_what_came_of_them_and_of_no_reward_nothing
 
 
 def test_guided_episodes_of_a_learner_that_knows_something_are_learned_from_one_by_one() -> None:
-    session = Session(parameters(VALUE, seed=3, guided=3), trained(VALUE))
+    session = SoccerSession(parameters(VALUE, seed=3, guided=3), trained(VALUE))
     before = arrays_of(session)["counts"].tolist()
     play(session, 3)
     assert arrays_of(session)["counts"].tolist() == [before[0], before[1] + 3]
@@ -114,7 +116,7 @@ def test_alpha_decays_with_the_episodes(halving: float, share: float) -> None:
 
     def theta(first: float, last: float, halving: float) -> np.ndarray:
         rates = {"own_rate_first": first, "own_rate_last": last, "own_halving": halving}
-        session = Session(parameters(VALUE, seed=1, **rates))
+        session = SoccerSession(parameters(VALUE, seed=1, **rates))
         play(session, 21)
         return arrays_of(session)["values"]
 
@@ -125,17 +127,17 @@ def test_alpha_decays_with_the_episodes(halving: float, share: float) -> None:
 
 def test_with_eps_1_it_goes_on_drawing_alike_whatever_it_learned() -> None:
     given = {"own_exploration_first": 1.0, "own_exploration_last": 1.0}
-    session = Session(parameters(VALUE, seed=1, **given))
+    session = SoccerSession(parameters(VALUE, seed=1, **given))
     play(session, 60)
     assert goals(session, 60) < 0.7
     assert np.abs(arrays_of(session)["values"][:, :-1]).max() > 0.0
-    decision = play(Session(parameters(VALUE, learn=False, own_play="blended", **given), learned(session)), 1)[0]
+    decision = play(SoccerSession(parameters(VALUE, learn=False, own_play="blended", **given), learned(session)), 1)[0]
     assert decision.weights == pytest.approx((0.5, 0.5))
 
 
 def test_a_robot_that_stands_still_for_many_episodes_leaves_q_within_the_rewards() -> None:
     """A deadlock, the most frequent failure: all of its decisions have the same features."""
-    session = Session(parameters(VALUE, seed=1, guided=3, own_hold_steps=1))
+    session = SoccerSession(parameters(VALUE, seed=1, guided=3, own_hold_steps=1))
     for episode in range(20):
         stay(session, 300, **(GOAL if episode % 5 == 4 else TIMEOUT))
     if not arrays_of(session)["waiting_active"].size:  # it was just learned from

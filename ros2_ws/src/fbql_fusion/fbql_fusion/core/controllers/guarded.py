@@ -9,10 +9,11 @@ from typing import Any, cast
 
 import numpy as np
 from fbql_common.core.errors import BadInput, in_one_line
-from fbql_common.core.types import BehaviorOutput, Phase, World
+from fbql_common.core.types import Phase
 from numpy.typing import NDArray
 
 from fbql_fusion.core.controllers.interface import Controller, JointState, Selection, Transition
+from fbql_fusion.core.tasks.interface import Answers
 
 _CONTROLS = ("begin_episode", "select")
 _LEARNS = ("learn", "to_arrays", "load_arrays")
@@ -37,9 +38,9 @@ class Guarded:
         """See `Controller`."""
         self._call("begin_episode", phase)
 
-    def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
+    def select(self, moment: Any, joint_state: JointState, answers: Answers) -> Selection:
         """See `Controller`."""
-        selection = self._call("select", world, joint_state, outputs)
+        selection = self._call("select", moment, joint_state, answers)
         wrong = _why_unusable(selection, self._behaviors)
         if wrong:
             raise BadInput(f"{self._where}: 'select' returns {wrong}")

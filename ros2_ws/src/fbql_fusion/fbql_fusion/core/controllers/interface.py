@@ -6,11 +6,13 @@ To add one, write a class with `begin_episode` and `select`, and with the rest o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from fbql_common.core.types import BehaviorOutput, Phase, World
+from fbql_common.core.types import Phase
 from numpy.typing import NDArray
+
+from fbql_fusion.core.tasks.interface import Answers
 
 JointState = tuple[int, ...]
 """(c_1 ... c_n): the leaf_id of each behavior."""
@@ -40,6 +42,8 @@ class Transition(NamedTuple):
     """s' is terminal: nothing follows it, so it is worth 0."""
     truncated: bool
     """The time limit ended the episode in s'. The task continues from there, so the value of s' is given by its Q."""
+    succeeded: bool = False
+    """The episode ended in s' with a success."""
 
 
 class Controller(Protocol):
@@ -49,13 +53,13 @@ class Controller(Protocol):
         """A new episode begins. In a guided one the guide drives, and the selection is not executed."""
         ...
 
-    def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
-        """The weights for a world state.
+    def select(self, moment: Any, joint_state: JointState, answers: Answers) -> Selection:
+        """The weights for a moment.
 
         Args:
-            world: the world state.
+            moment: what the task reports: in soccer, a `World`.
             joint_state: length n, NO_LEAF where a behavior did not answer.
-            outputs: length n, None where a behavior did not answer. Its weight need not be 0: blending takes care of
+            answers: length n, None where a behavior did not answer. Its weight need not be 0: blending takes care of
                 that.
         """
         ...

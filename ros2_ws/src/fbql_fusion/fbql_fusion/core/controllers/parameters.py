@@ -26,7 +26,6 @@ class SessionParameters:
     )
     seed: int = parameter(0, "seed of the run: every episode's seed is derived from it", low=0, high=2**63 - 1)
     episodes: int = parameter(0, "episodes after the guided ones; 0: no limit", low=0)
-    goals: int = parameter(0, "goals after the guided episodes; 0: no limit", low=0)
     guided: int = parameter(
         UP_TO_THE_CONTROLLER,
         "episodes in which Subsumption drives and the controller learns; -1: 20 for a controller that learns "
@@ -35,8 +34,18 @@ class SessionParameters:
     )
     learn: bool = parameter(True, "whether a controller that can learn continues to learn")
 
-    reward_goal: float = parameter(10.0, "reward of a goal", low=-1e9, high=1e9)
-    reward_own_goal: float = parameter(-10.0, "reward of an own goal", low=-1e9, high=1e9)
-    reward_collision: float = parameter(
-        -5.0, "reward of a collision, once when it begins; fbql and fbql_value have their own", low=-1e9, high=1e9
-    )
+    @property
+    def success_limit(self) -> int:
+        """Successes after which the session ends; 0: no limit."""
+        return 0
+
+
+def guided_episodes(parameters: SessionParameters, learning: bool, has_policy: bool) -> int:
+    """The number of guided episodes in force.
+
+    Args:
+        learning: whether the controller learns in this run.
+        has_policy: whether it starts from a policy.
+    """
+    own = GUIDED_EPISODES if learning and not has_policy else 0
+    return parameters.guided if parameters.guided >= 0 else own

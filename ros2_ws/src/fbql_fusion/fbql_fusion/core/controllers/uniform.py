@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
-from fbql_common.core.types import DRIVER_BLEND, BehaviorOutput, Phase, World
+from fbql_common.core.types import DRIVER_BLEND, Phase
 
 from fbql_fusion.core.controllers.interface import JointState, Selection
-from fbql_fusion.core.controllers.parameters import SessionParameters
+from fbql_fusion.core.tasks.interface import Answers
 
 
 class Uniform:
-    """Every behavior weighs the same, always."""
+    """Every behavior weighs the same, always.
 
-    def __init__(self, parameters: SessionParameters) -> None:
-        n = len(parameters.behaviors)
-        self._selection: Selection = ((1.0 / n,) * n, DRIVER_BLEND, (), ())
+    Args:
+        behaviors: n.
+    """
+
+    def __init__(self, behaviors: int) -> None:
+        self._selection: Selection = ((1.0 / behaviors,) * behaviors, DRIVER_BLEND, (), ())
 
     def begin_episode(self, phase: Phase) -> None:
         """Nothing changes."""
 
-    def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
+    def select(self, moment: Any, joint_state: JointState, answers: Answers) -> Selection:
         """1/n each."""
         return self._selection

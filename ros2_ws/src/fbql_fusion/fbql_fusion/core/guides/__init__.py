@@ -1,1 +1,1 @@
-"""Controllers that can drive the guided episodes."""
+"""Who would drive without learning: the rules that a guide is made of."""

@@ -4,8 +4,8 @@ A feature is active or not. Each step has the same number of active features, an
 for the first time, so that memory grows with the visited situations and never with the product of the leaves. Nothing
 here knows what a behavior senses: the values are ranked among those of the first episodes (`Scales`).
 
-The weights depend on nothing else. The critic V, needed only while learning, may see the world state as well
-(`world_tiles`).
+The weights depend on nothing else. The critic V, needed only while learning, may be told more
+by the task.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from fbql_fusion.core.controllers.interface import JointState
 from fbql_fusion.core.learners.policy_arrays import check_arrays, check_range, rows_of
-from fbql_fusion.core.learners.tilings import Tilings
-from fbql_fusion.core.learners.world_tiles import GROUPS, world_tiles
+from fbql_fusion.core.learners.tilings import NO_TILINGS, Tilings
 
 KNOTS = 17
 """Quantiles that a component's scale is made of."""
@@ -41,7 +40,7 @@ class Situation(NamedTuple):
     observed: tuple[tuple[float, ...], ...]
     """What each behavior senses, length n; empty where it did not answer."""
     critic_inputs: tuple[float, ...] = ()
-    """What the critic sees in addition, `world_tiles.critic_inputs`; empty if it sees no more."""
+    """What the critic sees in addition, `Task.critic_inputs`; empty if it sees no more."""
 
 
 class Scales:
@@ -131,7 +130,7 @@ class Resolution(NamedTuple):
     joint_tiles: int = 4
     """Tiles along each component of such a tiling."""
     world_tilings: int = 0
-    """Tilings of the world state, for each of `world_tiles.GROUPS`, which only V sees."""
+    """Tilings of each group of what only the critic is told, `Task.critic_widths`."""
     mirror: bool = True
     """Whether situations that mirror each other share their tiles."""
 
@@ -146,9 +145,12 @@ class Features:
     Args:
         scales: of what is sensed.
         offsets: shift of each tiling along each component, in tiles, [tilings, d].
+        critic: tilings of what only the critic is told, `Task.critic_tilings`.
     """
 
-    def __init__(self, scales: Scales, resolution: Resolution, offsets: NDArray[np.float64]) -> None:
+    def __init__(
+        self, scales: Scales, resolution: Resolution, offsets: NDArray[np.float64], critic: Tilings = NO_TILINGS
+    ) -> None:
         self.scales = scales
         self.resolution = resolution
         self.offsets = offsets
@@ -172,14 +174,13 @@ class Features:
             d,
             first=1,
         )
-        of_the_world = world_tiles(resolution.world_tilings)
-        self._with_world = self._tilings.beside(of_the_world)
-        self._needs = [[i for i in group if scales.lengths[i]] for group, *_ in asked] + [[]] * len(of_the_world.sizes)
+        self._with_critic = self._tilings.beside(critic)
+        self._needs = [[i for i in group if scales.lengths[i]] for group, *_ in asked] + [[]] * len(critic.sizes)
         """The behaviors whose observations a tiling needs."""
         leaves = n + len(pairs) if resolution.leaf_pairs else 0
         self.active_features = leaves + len(asked)
         """F: how many are active where every behavior answered."""
-        self.critic_features = len(GROUPS) * resolution.world_tilings
+        self.critic_features = len(critic.sizes)
         """F': how many more V sees."""
 
     @staticmethod
@@ -233,7 +234,7 @@ class Features:
         keys += [
             base + leaves[i] * _MIX + leaves[j] for i, j, base in self._leaf_pairs if leaves[i] != NO_LEAF != leaves[j]
         ]
-        tilings = self._with_world if critic_inputs else self._tilings
+        tilings = self._with_critic if critic_inputs else self._tilings
         if not len(tilings.families):
             return keys
         ranks = self.scales.ranks(situation.observed)
@@ -258,7 +259,9 @@ class Features:
         }
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], resolution: Resolution, behaviors: int) -> Features:
+    def from_arrays(
+        cls, arrays: Mapping[str, NDArray[Any]], resolution: Resolution, behaviors: int, critic: Tilings = NO_TILINGS
+    ) -> Features:
         """The features that `to_arrays` returned. Raises BadInput for arrays that can't come from it."""
         check_arrays(arrays, {"lengths": ("i", (behaviors,)), "signed": ("b", (rows_of(arrays, "signed"),))})
         _check_resolution(arrays, resolution)
@@ -271,7 +274,7 @@ class Features:
         check_range(arrays, "offsets", 0.0, 1.0)
         if (np.diff(arrays["knots"], axis=1) < 0).any():
             raise BadInput("the policy's array 'knots' has quantiles that decrease")
-        features = cls(Scales(arrays["knots"], arrays["signed"], lengths), resolution, arrays["offsets"])
+        features = cls(Scales(arrays["knots"], arrays["signed"], lengths), resolution, arrays["offsets"], critic)
         features.load_keys(arrays["keys"])
         return features
 

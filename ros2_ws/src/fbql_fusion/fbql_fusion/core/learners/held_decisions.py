@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from fbql_common.core.errors import BadInput
-from fbql_common.core.types import DRIVER_BLEND, BehaviorOutput, Phase, World
+from fbql_common.core.types import DRIVER_BLEND, Phase
 from numpy.typing import NDArray
 
 from fbql_fusion.core.controllers.interface import JointState, Selection, Transition
@@ -23,8 +23,9 @@ from fbql_fusion.core.learners.features import Features, Resolution, Scales, Sit
 from fbql_fusion.core.learners.linear import CAPACITY, Floats, grow_table, padded
 from fbql_fusion.core.learners.parameters import FeatureParameters
 from fbql_fusion.core.learners.policy_arrays import check_arrays, generator_state, set_generator_state
+from fbql_fusion.core.learners.tilings import FAR, critic_tilings
 from fbql_fusion.core.learners.trajectories import Trajectory
-from fbql_fusion.core.learners.world_tiles import FAR, critic_inputs
+from fbql_fusion.core.tasks.interface import Answer, Answers, Task
 
 FIRST_EPISODES = 20
 """Episodes that the scales are made of if none is guided."""
@@ -54,15 +55,27 @@ class Holding(NamedTuple):
     batch_episodes: int
     """Episodes in a batch, once it has grown to its full size."""
     world_tilings: int
-    """Tilings of the world state that a critic sees, see `Resolution`."""
+    """Tilings of each group of what only the critic is told, see `Resolution`."""
+
+
+def _may_drive(answer: Answer | None) -> bool:
+    return answer is not None and answer.active
 
 
 class HeldDecisions(ABC):
     """Decides every few steps which behavior drives, and collects the outcomes."""
 
-    def __init__(self, parameters: FeatureParameters, holding: Holding, generator: np.random.Generator) -> None:
+    def __init__(
+        self,
+        parameters: FeatureParameters,
+        holding: Holding,
+        task: Task[Any, Any, Any],
+        generator: np.random.Generator,
+    ) -> None:
         self._parameters = parameters
         self._holding = holding
+        self._task = task
+        self._critic = critic_tilings(task.critic_widths, holding.world_tilings)
         self._generator = generator
         self._behaviors = n = len(parameters.behaviors)
         self._resolution = Resolution(
@@ -88,7 +101,7 @@ class HeldDecisions(ABC):
         self._trajectory: Trajectory | None = None
         """The trajectory of the episode in progress; None if nothing is, or can be, learned from it."""
         self._linked = False
-        """Whether a transition led to the world state that is decided next."""
+        """Whether a transition led to the moment that is decided next."""
         self._held_for = 0
         self._weights: tuple[float, ...] = (1.0 / n,) * n
         self._learned: tuple[float, ...] = self._weights
@@ -137,40 +150,41 @@ class HeldDecisions(ABC):
         self._held_for = 0
         self._visits.clear()
 
-    def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
+    def select(self, moment: Any, joint_state: JointState, answers: Answers) -> Selection:
         """The behavior that is being held, or a newly chosen one once its steps are over; it drives alone."""
-        complete = None not in outputs
+        complete = None not in answers
         if self._trajectory is not None and not (self._linked and complete):
             self._trajectory = None  # a step or an answer is missing: what a decision led to is not known
         self._linked = False
-        if self._held_for and complete and not world.ended:
+        driven = answers[self._driver] if self._driver >= 0 else None
+        if self._held_for and complete and not moment.ended and (driven is None or driven.active):
             self._held_for -= 1
             if self._driver == DRIVER_BLEND:
-                self._weights, self._q = self._evaluate(self._known(self._situation(world, joint_state, outputs)))
+                self._weights, self._q = self._evaluate(self._known(self._situation(moment, joint_state, answers)))
                 self._learned = self._weights
             return self._weights, self._driver, self._q, self._learned
-        situation = self._situation(world, joint_state, outputs)
+        situation = self._situation(moment, joint_state, answers)
         if self._trajectory is not None and not self._is_sound(situation):
             self._trajectory = None
-        if world.ended:
+        if moment.ended:
             if self._trajectory is not None:
                 self._end(self._trajectory, situation)
             return self._weights, self._driver, self._q, self._learned
-        self._decide(situation, outputs)
+        self._decide(situation, answers)
         steps = self._holding.play_steps if self._phase is Phase.EVALUATION else self._holding.steps
         self._held_for = steps - 1 if complete else 0
         return self._weights, self._driver, self._q, self._learned
 
-    def _situation(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Situation:
+    def _situation(self, moment: Any, joint_state: JointState, answers: Answers) -> Situation:
         """The situation of a step; the critic's further inputs are added if it is learned from."""
-        observed = tuple([() if x is None else x.observation for x in outputs])
-        if self._trajectory is None or not self._resolution.world_tilings:
+        observed = tuple([() if x is None else x.observation for x in answers])
+        if self._trajectory is None or not len(self._critic.sizes):
             return Situation(joint_state, observed)
-        return Situation(joint_state, observed, critic_inputs(world, self._resolution.mirror))
+        return Situation(joint_state, observed, self._task.critic_inputs(moment, self._resolution.mirror))
 
     def _is_sound(self, situation: Situation) -> bool:
         """Whether it can be learned from: every number is finite, each behavior senses as many values as before, and
-        the world state is within FAR."""
+        the critic's inputs are within FAR."""
         lengths = tuple([len(observed) for observed in situation.observed])
         if self._lengths is None:
             self._lengths = lengths
@@ -182,7 +196,7 @@ class HeldDecisions(ABC):
         """The active features that were met before."""
         return () if self._features is None else self._features.known(situation)
 
-    def _decide(self, situation: Situation, outputs: Sequence[BehaviorOutput | None]) -> None:
+    def _decide(self, situation: Situation, answers: Answers) -> None:
         """Decides which behavior drives for the next steps."""
         trajectory = self._trajectory
         features = self._features
@@ -190,7 +204,7 @@ class HeldDecisions(ABC):
         active = self._known(situation) if features is None or row is None else features.active_in(row)
         weights, self._q = self._evaluate(active)
         self._learned = weights
-        live = [w if x is not None else 0.0 for w, x in zip(weights, outputs, strict=True)]
+        live = [w if _may_drive(x) else 0.0 for w, x in zip(weights, answers, strict=True)]
         joint_state = situation.joint_state
         visits = self._visits[joint_state] = self._visits.get(joint_state, 0) + 1
         patience = self._holding.patience
@@ -228,6 +242,7 @@ class HeldDecisions(ABC):
             self._trajectory = None
         elif transition.terminated:
             self._trajectory.terminated = True
+            self._trajectory.succeeded = transition.succeeded
 
     def _end(self, trajectory: Trajectory, situation: Situation) -> None:
         """Completes the episode, which ended in `situation`."""
@@ -251,7 +266,7 @@ class HeldDecisions(ABC):
         situations = [situation for trajectory in self._waiting for situation in trajectory.situations]
         scales = Scales.of(situations, self._resolution.mirror)
         offsets = Features.random_offsets(self._resolution, len(scales.knots), self._generator)
-        self._features = features = Features(scales, self._resolution, offsets)
+        self._features = features = Features(scales, self._resolution, offsets, self._critic)
         for trajectory in self._waiting:
             trajectory.rows = [features.row(situation) for situation in trajectory.situations]
             trajectory.situations = []
@@ -284,7 +299,7 @@ class HeldDecisions(ABC):
             raise BadInput(f"the policy's array 'counts' is {counts}, which can't be")
         set_generator_state(self._generator, arrays["generator"])
         if arrays.keys() > _ALWAYS.keys() or self._updates:
-            features = Features.from_arrays(arrays, self._resolution, self._behaviors)
+            features = Features.from_arrays(arrays, self._resolution, self._behaviors, self._critic)
             m = len(features)
             shapes = {name: ("f", (m, *table.shape[1:])) for name, table in self._tables().items()}
             check_arrays(arrays, shapes)

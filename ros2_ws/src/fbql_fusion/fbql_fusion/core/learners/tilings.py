@@ -8,6 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+FAR = 1e6
+"""Numbers from here on are not tiled without scales: no task means them, and their tiles could not be counted."""
+_CRITICS = 1_000_001
+"""Keeps the keys of the critic's inputs different from those of the sensed values."""
 _WORD = (1 << 64) - 1
 _TILE = (1 << 62) - 1
 """The bits of a tile's key."""
@@ -75,6 +79,18 @@ class Tilings(NamedTuple):
         )
 
 
+def critic_tilings(groups: Sequence[Sequence[float]], tilings: int) -> Tilings:
+    """That many tilings for each group of the critic's inputs (`Task.critic_widths`): tiling t is shifted by
+    t (2 c + 1) / tilings of a tile along component c. 1 and odd numbers to 15 leave some component unshifted.
+    """
+    d = len(groups[0]) if groups else 0
+    odd = 2.0 * np.arange(d) + 1.0
+    widths = [np.array(group) for group in groups for _ in range(tilings)]
+    sizes = [np.divide(1.0, each, out=np.zeros(d), where=each > 0.0) for each in widths]
+    shifts = [np.mod(odd * t / tilings, 1.0) for _ in groups for t in range(tilings)]
+    return Tilings.of(sizes, shifts, d, _CRITICS)
+
+
 def splitmix64(count: int, first: int = 1) -> list[int]:
     """That many pseudo-random numbers, 0 .. 2^63 - 1, fixed forever (SplitMix64): policies depend on them.
 
@@ -88,3 +104,7 @@ def splitmix64(count: int, first: int = 1) -> list[int]:
         z = (z ^ z >> 27) * 0x94D049BB133111EB & _WORD
         numbers.append((z ^ z >> 31) >> 1)
     return numbers
+
+
+NO_TILINGS = Tilings.of([], [], d=0, first=1)
+"""What a critic has that is told nothing more."""

@@ -35,6 +35,8 @@ class Trajectory:
     discounts: list[float] = field(default_factory=list[float])
     """gamma^k of each decision, where k is the number of steps that it was held."""
     terminated: bool = False
+    succeeded: bool = False
+    """Whether it ended with a success."""
 
     def begin_decision(self, situation: Situation, row: list[int] | None, driver: int, old_prob: float) -> None:
         """Begins a decision. `row` holds its features; None as long as there are none."""
@@ -58,11 +60,6 @@ class Trajectory:
     def end(self, situation: Situation, row: list[int] | None) -> None:
         """Records the situation in which the episode ended."""
         self._add(situation, row)
-
-    @property
-    def succeeded(self) -> bool:
-        """Whether it ended neither by the time limit nor with a punishment, and so in a goal."""
-        return self.terminated and self.rewards[-1] >= 0.0
 
     def _add(self, situation: Situation, row: list[int] | None) -> None:
         if row is None:

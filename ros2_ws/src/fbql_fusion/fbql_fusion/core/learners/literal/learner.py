@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Phase, World
+from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, Phase
 from numpy.typing import NDArray
 
 from fbql_fusion.core.controllers.interface import JointState, Selection, Transition
 from fbql_fusion.core.learners.literal.equations import bounded_weights, fused_value, maxima, normalised, updated_q
 from fbql_fusion.core.learners.literal.parameters import LiteralParameters
 from fbql_fusion.core.learners.literal.table import JointStateTable
+from fbql_fusion.core.tasks.interface import Answers
 
 
 class FbqlLiteral:
@@ -43,7 +44,7 @@ class FbqlLiteral:
     def begin_episode(self, phase: Phase) -> None:
         """Nothing is remembered from one step to the next."""
 
-    def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
+    def select(self, moment: Any, joint_state: JointState, answers: Answers) -> Selection:
         """The joint state's own weights. With a leaf missing there is no joint state: every behavior weighs the
         same."""
         if NO_LEAF in joint_state:

@@ -2,7 +2,7 @@
 
 - The policy: a softmax of preferences, linear in tile-coded features, draws one behavior, which drives for several steps:
   an option of a semi-Markov decision process (Sutton, Precup & Singh 1999).
-- The critic is asymmetric (Pinto et al. 2018, arXiv 1710.06542): it also sees the world state, see `world_tiles`. Its
+- The critic is asymmetric (Pinto et al. 2018, arXiv 1710.06542): it also sees what only the task knows. Its
   advantages are GAE's (Schulman et al. 2016, arXiv 1506.02438).
 - Warm start: behavioral cloning of the guide, Subsumption, in the guided episodes.
 
@@ -14,7 +14,7 @@ behavior that drove; eq. 6's jump of the argmax, by a gradient; the table, by fe
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from fbql_fusion.core.learners.ppo.equations import (
 )
 from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
 from fbql_fusion.core.learners.trajectories import Trajectory, minibatches
+from fbql_fusion.core.tasks.interface import Task
 
 
 class Batch(NamedTuple):
@@ -81,7 +82,7 @@ class Fbql(HeldDecisions):
 
     kind = "fbql"
 
-    def __init__(self, parameters: FbqlParameters, generator: np.random.Generator) -> None:
+    def __init__(self, parameters: FbqlParameters, task: Task[Any, Any, Any], generator: np.random.Generator) -> None:
         holding = Holding(
             parameters.fbql_hold_steps,
             parameters.fbql_play_steps,
@@ -91,7 +92,7 @@ class Fbql(HeldDecisions):
             parameters.fbql_batch_episodes,
             parameters.fbql_world_tilings,
         )
-        super().__init__(parameters, holding, generator)
+        super().__init__(parameters, holding, task, generator)
         self._ppo = parameters
         self._theta = np.zeros((CAPACITY, self._behaviors))
         self._value = np.zeros(CAPACITY)

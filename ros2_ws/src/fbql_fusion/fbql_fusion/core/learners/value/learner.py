@@ -12,7 +12,7 @@ first. What is replaced: the reward that eq. 5 shares out by weights, by the who
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from fbql_fusion.core.learners.linear import CAPACITY, Floats, row_sum
 from fbql_fusion.core.learners.trajectories import Trajectory, minibatches
 from fbql_fusion.core.learners.value import equations as eq
 from fbql_fusion.core.learners.value.parameters import FbqlValueParameters
+from fbql_fusion.core.tasks.interface import Task
 
 
 class Targets(NamedTuple):
@@ -42,7 +43,9 @@ class FbqlValue(HeldDecisions):
 
     kind = "fbql_value"
 
-    def __init__(self, parameters: FbqlValueParameters, generator: np.random.Generator) -> None:
+    def __init__(
+        self, parameters: FbqlValueParameters, task: Task[Any, Any, Any], generator: np.random.Generator
+    ) -> None:
         holding = Holding(
             parameters.fbql_value_hold_steps,
             parameters.fbql_value_play_steps,
@@ -52,7 +55,7 @@ class FbqlValue(HeldDecisions):
             parameters.fbql_value_batch_episodes,
             world_tilings=0,
         )
-        super().__init__(parameters, holding, generator)
+        super().__init__(parameters, holding, task, generator)
         self._own = parameters
         self._values = np.zeros((CAPACITY, self._behaviors + 1))
         """theta and U, see `equations`."""

@@ -4,8 +4,9 @@ from math import pi
 
 import pytest
 from fbql_common.core.types import DRIVER_BLEND, BehaviorOutput, World
-from fbql_fusion.core.guides.subsumption import driver_of, layers_of
+from fbql_fusion.core.guides.layers import driver_of
 from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.core.tasks.soccer.subsumption import layers_of
 
 BALL, WALL, APPROACH = 0, 1, 2
 ANSWER = BehaviorOutput(1, 0, 0, "b", 1.0, 1.0, 0, 1, "", False, ())

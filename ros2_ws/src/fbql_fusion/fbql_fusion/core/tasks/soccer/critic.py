@@ -1,5 +1,4 @@
-"""The critic's inputs in addition to what the behaviors sense: tilings of the world state. It makes the critic
-asymmetric.
+"""What only the critic is told of soccer: the world state. It makes the critic asymmetric.
 
 Asymmetric actor-critic (Pinto et al. 2018, arXiv 1710.06542): V is needed only while learning, so it may see inputs on
 which the weights must not depend: where ball and robot are, and how the ball rolls. `fbql_world_tilings` 0 leaves them
@@ -8,14 +7,9 @@ out.
 
 from __future__ import annotations
 
-import numpy as np
 from fbql_common.core.types import World
 
-from fbql_fusion.core.learners.tilings import Tilings
-
-_FIRST = 1_000_001
-"""Keeps the keys different from those of the sensed values."""
-GROUPS: tuple[tuple[float, ...], ...] = (
+WIDTHS: tuple[tuple[float, ...], ...] = (
     (0.16, 0.16, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     (0.35, 0.35, 0.35, 0.35, 0.0, 0.0, 0.0, 0.0),
     (0.30, 0.0, 0.0, 0.0, 0.20, 0.20, 0.0, 0.0),
@@ -23,8 +17,6 @@ GROUPS: tuple[tuple[float, ...], ...] = (
 )
 """Widths of the tiles along each component of `critic_inputs` [m, m/s], 0 where a tiling leaves it out: the ball; ball and robot;
 the ball along the field, and the robot from it; the ball and its velocity."""
-FAR = 1e6
-"""Larger numbers [m, m/s] can't belong to a world state, and their tiles could not be counted."""
 _ACROSS = (1, 3, 5, 7)
 """The components that change their sign in the mirror."""
 
@@ -50,15 +42,3 @@ def critic_inputs(world: World, mirror: bool) -> tuple[float, ...]:
         for i in _ACROSS:
             values[i] = -values[i]
     return tuple(values)
-
-
-def world_tiles(tilings: int) -> Tilings:
-    """That many tilings for each of GROUPS: tiling t is shifted by t (2 c + 1) / tilings of a tile along component c. 1 and
-    odd numbers to 15 leave some component unshifted.
-    """
-    d = len(GROUPS[0])
-    odd = 2.0 * np.arange(d) + 1.0
-    widths = [np.array(group) for group in GROUPS for _ in range(tilings)]
-    sizes = [np.divide(1.0, each, out=np.zeros(d), where=each > 0.0) for each in widths]
-    shifts = [np.mod(odd * t / tilings, 1.0) for _ in GROUPS for t in range(tilings)]
-    return Tilings.of(sizes, shifts, d, _FIRST)

@@ -1,6 +1,6 @@
 """Subsumption (Brooks 1986; the paper's Fig. 9): the highest layer that is triggered drives alone. Layers are data.
 
-It is a controller, and the guide that drives the guided episodes of every other one.
+It is the guide of soccer: a controller of its own, and the driver of the guided episodes of every other one.
 
 The paper's text contradicts itself about the order, so the order is a parameter. Wall avoiding first, then
 approaching, then ball seeking works; approaching first deadlocks at walls.
@@ -8,19 +8,17 @@ approaching, then ball seeking works; approaching first deadlocks at walls.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from fbql_common.core.geometry import approach_angle, wall_distance_and_bearing
 from fbql_common.core.parameters import owned_by, parameter
-from fbql_common.core.types import DRIVER_BLEND, BehaviorOutput, Phase, World
+from fbql_common.core.types import World
 
-from fbql_fusion.core.controllers.interface import JointState, Selection
-from fbql_fusion.core.controllers.parameters import SessionParameters
+from fbql_fusion.core.guides.layers import Layer, Trigger, driver_of
+from fbql_fusion.core.tasks.interface import Answer, Answers
+from fbql_fusion.core.tasks.soccer.parameters import SoccerParameters
 
-Trigger = Callable[[World, BehaviorOutput], bool]
-"""Whether a behavior wants to drive, given the world state and its own answer to it."""
 FROM_PRESET = -1.0
 """This value, like any negative threshold, stands for the preset's threshold."""
 
@@ -39,7 +37,7 @@ Fig. 9 with its many own goals. `tuned`: the fair baseline, tuned for the shippe
 
 @owned_by("subsumption")
 @dataclass(frozen=True)
-class SubsumptionParameters(SessionParameters):
+class SubsumptionParameters(SoccerParameters):
     """Its layers and when they are triggered."""
 
     preset: str = parameter("tuned", "Subsumption's thresholds, unless given individually", choices=tuple(PRESETS))
@@ -68,14 +66,6 @@ class SubsumptionParameters(SessionParameters):
         )
 
 
-class Layer(NamedTuple):
-    """One layer: a behavior, and the world states in which it suppresses the layers below."""
-
-    behavior: int
-    """Index of the behavior."""
-    trigger: Trigger
-
-
 def trigger_of(name: str, thresholds: Thresholds) -> Trigger:
     """The trigger of a behavior.
 
@@ -84,13 +74,13 @@ def trigger_of(name: str, thresholds: Thresholds) -> Trigger:
     """
     wall_m, approach_rad = thresholds
 
-    def near_wall(world: World, _: BehaviorOutput) -> bool:
+    def near_wall(world: World, _: Answer) -> bool:
         return wall_distance_and_bearing(world)[0] < wall_m
 
-    def beside_ball(world: World, _: BehaviorOutput) -> bool:
+    def beside_ball(world: World, _: Answer) -> bool:
         return abs(approach_angle(world)) > approach_rad
 
-    def inside(_: World, output: BehaviorOutput) -> bool:
+    def inside(_: World, output: Answer) -> bool:
         return not output.clamped
 
     return {"wall_avoiding": near_wall, "approaching": beside_ball}.get(name, inside)
@@ -106,37 +96,12 @@ def layers_of(parameters: SubsumptionParameters) -> tuple[Layer, ...]:
     return tuple(Layer(names.index(name), trigger_of(name, thresholds)) for name in parameters.layers if name in names)
 
 
-def driver_of(layers: Sequence[Layer], world: World, outputs: Sequence[BehaviorOutput | None]) -> int:
-    """Index of the behavior that drives: of the highest triggered layer whose behavior answered.
-
-    If no trigger fires, the lowest layer whose behavior answered drives, since there is none below it.
-
-    Returns:
-        The index, or DRIVER_BLEND where no layer's behavior answered.
-    """
-    lowest = DRIVER_BLEND
-    for behavior, trigger in layers:
-        output = outputs[behavior]
-        if output is not None:
-            if trigger(world, output):
-                return behavior
-            lowest = behavior
-    return lowest
-
-
 class Subsumption:
-    """The highest triggered layer drives alone."""
+    """The highest triggered layer drives alone. See `core.tasks.interface.Guide`."""
 
     def __init__(self, parameters: SubsumptionParameters) -> None:
-        n = len(parameters.behaviors)
         self._layers = layers_of(parameters)
-        self._alone = tuple(tuple(1.0 if i == driver else 0.0 for i in range(n)) for driver in range(n))
-        self._nobody = (0.0,) * n
 
-    def begin_episode(self, phase: Phase) -> None:
-        """Nothing is remembered from one step to the next."""
-
-    def select(self, world: World, joint_state: JointState, outputs: Sequence[BehaviorOutput | None]) -> Selection:
-        """Weight 1 for the driver. No behavior drives if no layer's behavior answered."""
-        driver = driver_of(self._layers, world, outputs)
-        return (self._alone[driver] if driver >= 0 else self._nobody), driver, (), ()
+    def driver(self, world: World, answers: Answers) -> int:
+        """Index of the driver; DRIVER_BLEND if no layer's behavior answered."""
+        return driver_of(self._layers, world, answers)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import World
-from fbql_fusion.core.learners.tilings import splitmix64
-from fbql_fusion.core.learners.world_tiles import GROUPS, critic_inputs, world_tiles
+from fbql_fusion.core.learners.tilings import critic_tilings, splitmix64
 from fbql_fusion.core.policy import Policy
-from fbql_fusion.core.session import Session
+from fbql_fusion.core.soccer_session import SoccerSession
+from fbql_fusion.core.tasks.soccer.critic import WIDTHS, critic_inputs
 from held_learners import arrays_of, frozen, learned
 from hypothesis import given
 from hypothesis import strategies as st
@@ -36,7 +36,7 @@ def in_the_mirror(world: World) -> World:
 def test_what_is_told_is_where_ball_and_robot_are_and_how_the_ball_rolls(world: World) -> None:
     x, y, rx, ry = world.ball_x_m, world.ball_y_m, world.robot_x_m, world.robot_y_m
     assert critic_inputs(world, mirror=False) == (x, y, rx, ry, rx - x, ry - y, world.ball_vx_m_s, world.ball_vy_m_s)
-    assert len(GROUPS[0]) == 8
+    assert len(WIDTHS[0]) == 8
 
 
 def test_the_tiles_have_these_widths() -> None:
@@ -45,7 +45,7 @@ def test_the_tiles_have_these_widths() -> None:
     ball_and_robot = (0.35, 0.35, 0.35, 0.35, 0, 0, 0, 0)
     robot_from_ball = (0.3, 0, 0, 0, 0.2, 0.2, 0, 0)
     ball_and_velocity = (0.3, 0.3, 0, 0, 0, 0, 0.3, 0.3)
-    assert (ball, ball_and_robot, robot_from_ball, ball_and_velocity) == GROUPS
+    assert (ball, ball_and_robot, robot_from_ball, ball_and_velocity) == WIDTHS
 
 
 @given(worlds())
@@ -67,7 +67,7 @@ def test_a_key_is_that_of_a_tile(one: World, moved: list[float]) -> None:
     def literal(world: World) -> list[tuple[int, ...]]:
         inputs = critic_inputs(world, mirror=True)
         found: list[tuple[int, ...]] = []
-        for group in GROUPS:
+        for group in WIDTHS:
             for t in range(tilings):
                 shifts = [t * (2 * c + 1) / tilings % 1.0 for c in range(len(group))]
                 found.append(
@@ -79,22 +79,22 @@ def test_a_key_is_that_of_a_tile(one: World, moved: list[float]) -> None:
                 )
         return found
 
-    tiles = world_tiles(tilings)
+    tiles = critic_tilings(WIDTHS, tilings)
     first, second = (tiles.keys(critic_inputs(world, mirror=True)) for world in (one, two))
-    assert len(set(first)) == len(first) == len(GROUPS) * tilings
+    assert len(set(first)) == len(first) == len(WIDTHS) * tilings
     same = [a == b for a, b in zip(first, second, strict=True)]
     assert same == [a == b for a, b in zip(literal(one), literal(two), strict=True)]
 
 
 def test_no_tilings_are_no_keys() -> None:
-    assert world_tiles(0).keys(critic_inputs(world_state(0, 0), mirror=True)) == []
+    assert critic_tilings(WIDTHS, 0).keys(critic_inputs(world_state(0, 0), mirror=True)) == []
 
 
 def test_factors_are_splitmix64s_and_those_of_the_world_others_than_of_what_is_sensed() -> None:
     """The first outputs of SplitMix64 from the seed 0, one bit dropped, as published with the generator."""
     assert splitmix64(3) == [x >> 1 for x in (0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F)]
     assert splitmix64(2, 2) == splitmix64(3)[1:]
-    assert not set(world_tiles(32).families.tolist()) & set(splitmix64(10_000))
+    assert not set(critic_tilings(WIDTHS, 32).families.tolist()) & set(splitmix64(10_000))
 
 
 def drivers_of(policy: Policy, **said: float) -> list[int]:
@@ -114,16 +114,16 @@ def drivers_of(policy: Policy, **said: float) -> list[int]:
 
 def test_no_weight_depends_on_the_world_state() -> None:
     """Rows of theta that belong to what only V sees stay 0, and frozen play is the same wherever the ball is said to be."""
-    session = Session(parameters(seed=1))
+    session = SoccerSession(parameters(seed=1))
     play(session, 59)
     arrays = arrays_of(session)
     rows = arrays["waiting_active"]
-    inputs = np.unique(rows[:, -len(GROUPS) * 4 :])
-    assert len(inputs) >= len(GROUPS) * 4
+    inputs = np.unique(rows[:, -len(WIDTHS) * 4 :])
+    assert len(inputs) >= len(WIDTHS) * 4
     assert not arrays["theta"][inputs].any()
     assert arrays["value"][inputs].any()
-    assert not set(inputs.tolist()) & set(rows[:, : -len(GROUPS) * 4].ravel().tolist())
-    assert arrays["theta"][np.unique(rows[:, : -len(GROUPS) * 4])].any()
+    assert not set(inputs.tolist()) & set(rows[:, : -len(WIDTHS) * 4].ravel().tolist())
+    assert arrays["theta"][np.unique(rows[:, : -len(WIDTHS) * 4])].any()
     policy = learned(session)
     found = drivers_of(policy)
     assert len(set(found)) == 2
@@ -135,7 +135,7 @@ def test_no_weight_depends_on_the_world_state() -> None:
 def test_what_is_kept_of_a_decision_is_what_was_told_then(mirror: bool) -> None:
     """The keys of waiting episodes' last columns are those of the world states that were decided in, in the mirror's
     way where there is one."""
-    session = Session(parameters(seed=1, fbql_mirror=mirror))
+    session = SoccerSession(parameters(seed=1, fbql_mirror=mirror))
     play(session, 60)
     heard: list[World] = []
 
@@ -149,9 +149,9 @@ def test_what_is_kept_of_a_decision_is_what_was_told_then(mirror: bool) -> None:
     held = session.parameters.fbql_hold_steps
     decided = [world for world in heard if world.ended or world.step % held == 0]
     assert len({world.ball_y_m < 0.0 for world in decided}) == 2, "on both sides"
-    tiles = world_tiles(4)
+    tiles = critic_tilings(WIDTHS, 4)
     rows = arrays["waiting_active"]
-    assert arrays["keys"][rows[:, -len(GROUPS) * 4 :]].tolist() == [
+    assert arrays["keys"][rows[:, -len(WIDTHS) * 4 :]].tolist() == [
         tiles.keys(critic_inputs(w, mirror)) for w in decided
     ]
 
@@ -160,7 +160,7 @@ def test_what_is_kept_of_a_decision_is_what_was_told_then(mirror: bool) -> None:
 @pytest.mark.parametrize("when", ["always", "once", "at the end"])
 def test_an_episode_with_a_world_state_out_of_this_world_is_not_learned_from(said: float, when: str) -> None:
     """Fault 11: a ball that is nowhere, or beyond all tiles, spoils nothing: its episode is left out."""
-    session = Session(parameters(seed=1))
+    session = SoccerSession(parameters(seed=1))
     play(session, 47)
     before = len(arrays_of(session)["waiting_lengths"])
     begun = session.next_episode()
@@ -183,15 +183,15 @@ def test_an_episode_with_a_world_state_out_of_this_world_is_not_learned_from(sai
 @pytest.mark.parametrize("tilings", [0, 4])
 def test_it_learns_with_and_without_and_a_policy_says_which(tilings: int) -> None:
     changes = {"seed": 2, "fbql_world_tilings": tilings}
-    session = Session(parameters(**changes))
+    session = SoccerSession(parameters(**changes))
     play(session, 160)
     policy = learned(session)
     assert policy.arrays["resolution"].tolist()[-2:] == [tilings, 0]
     with pytest.raises(
         BadInput, match=f"learned with fbql_world_tilings {tilings}, but the parameter is {4 - tilings}"
     ):
-        Session(parameters(**(changes | {"fbql_world_tilings": 4 - tilings})), policy)
+        SoccerSession(parameters(**(changes | {"fbql_world_tilings": 4 - tilings})), policy)
     assert goals(session, 50) >= 0.9
-    again = Session(replace(parameters(**changes), learn=False, seed=9), policy)
+    again = SoccerSession(replace(parameters(**changes), learn=False, seed=9), policy)
     play(again, 40)
     assert goals(again, 40) >= 0.9

@@ -1,0 +1,31 @@
+"""The guide as a controller: it drives alone, always."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fbql_common.core.types import Phase
+
+from fbql_fusion.core.controllers.interface import JointState, Selection
+from fbql_fusion.core.tasks.interface import Answers, Guide
+
+
+class Guided:
+    """Whoever the guide names drives alone.
+
+    Args:
+        behaviors: n.
+    """
+
+    def __init__(self, guide: Guide, behaviors: int) -> None:
+        self._guide = guide
+        alone = [tuple([1.0 if i == driver else 0.0 for i in range(behaviors)]) for driver in range(behaviors)]
+        self._selections: list[Selection] = [(weights, driver, (), ()) for driver, weights in enumerate(alone)]
+        self._selections.append(((0.0,) * behaviors, -1, (), ()))
+
+    def begin_episode(self, phase: Phase) -> None:
+        """Nothing is remembered from one step to the next."""
+
+    def select(self, moment: Any, joint_state: JointState, answers: Answers) -> Selection:
+        """Weight 1 for the driver; nobody drives if the guide names nobody."""
+        return self._selections[self._guide.driver(moment, answers)]
