@@ -154,7 +154,14 @@ def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None
     spaced.mkdir()
     (spaced / "policy.npz").touch()
     assert next_steps(SUMMARY, spaced).count(f"'{spaced}'") == 2, "report.py and ros2 bag"
-    assert next_steps(SUMMARY, spaced).count(f"--policy '{spaced}/policy.npz'") == 2
+    assert next_steps(SUMMARY, spaced).count(f"--policy '{spaced}/policy.npz'") == 3
+    for domain_id in (None, 7):
+        commands = [
+            line for line in next_steps(SUMMARY, tmp_path, domain_id=domain_id).splitlines() if line[2:3] != " "
+        ]
+        assert commands[-1] == "  python3 scripts/bringup.py --controller subsumption --watch --goals 3"
+        told = "  export ROS_DOMAIN_ID=7 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST" in commands
+        assert told is (domain_id is not None)
     (tmp_path / "policy.npz").touch()
     again = next_steps(SUMMARY, tmp_path, " --trees mine")
     assert f"python3 scripts/bringup.py --trees mine --controller {SUMMARY['controller']} --policy" in again

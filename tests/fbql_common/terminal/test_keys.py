@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from fbql_common.terminal.keys import Key, KeyDecoder
+from fbql_common.terminal.keys import WATCHING_KEYS, Key, KeyDecoder
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -75,3 +75,11 @@ def test_an_escape_key_that_is_alone_takes_no_later_key_along() -> None:
     assert decoder.feed(b"\x1b") == []
     assert decoder.feed(b"") == []
     assert decoder.feed(b"d") == [Key.RIGHT]
+
+
+def test_whoever_watches_has_other_keys_than_whoever_drives() -> None:
+    pressed = b" s+=-nuq\x1b[A\x1b[B"
+    faster, slower = Key.FASTER, Key.SLOWER
+    assert KeyDecoder(WATCHING_KEYS).feed(pressed) == [
+        *(Key.PAUSE, Key.STEP, faster, faster, slower, Key.NEXT, Key.UNDO, Key.FINISH, faster, slower)
+    ]

@@ -96,6 +96,26 @@ def results_apart() -> Generator[None]:
         os.close(kept)
 
 
+@contextmanager
+def output_aside(file: Path) -> Generator[None]:
+    """Redirects stderr, and what libraries print on stdout, both of which would be printed into a picture on the terminal,
+    to a file; prints it afterwards."""
+    sys.stderr.flush()
+    kept = [os.dup(descriptor) for descriptor in (1, 2)]
+    with file.open("wb") as stream:
+        for descriptor in (1, 2):
+            os.dup2(stream.fileno(), descriptor)
+    try:
+        yield
+    finally:
+        sys.stderr.flush()
+        for descriptor, before in zip((1, 2), kept, strict=True):
+            os.dup2(before, descriptor)
+            os.close(before)
+        for line in file.read_text(errors="replace").splitlines():
+            say(line)
+
+
 class LiveLine:
     """One line on a terminal that shows the progress of something; elsewhere nothing, or a line now and then.
 

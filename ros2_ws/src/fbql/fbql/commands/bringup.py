@@ -13,9 +13,11 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.files import remedy, write_atomically
 from fbql_common.middleware import prepare_middleware
+from fbql_common.terminal.screen import require_terminal
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupted, Interrupts
@@ -36,6 +38,7 @@ from fbql.match.options import (
     same_options,
 )
 from fbql.match.result import Asked, next_steps, summary_text
+from fbql.watch.option import add_watch_option
 
 START_TIMEOUT_S = 30.0
 FOXGLOVE_PORT = 8765
@@ -69,6 +72,11 @@ def parser(program: str) -> Parser:
         help=f"serve every topic live to Foxglove, on this port of this machine ({FOXGLOVE_PORT}; 0: a free one); best "
         "with --realtime; needs the extra foxglove",
     )
+    add_watch_option(
+        how,
+        "watch the match in this terminal: the field, who drives and why; in real time, or at the speed that --realtime "
+        "gives; the match is the same",
+    )
     how.add_argument(
         "--start-timeout",
         type=float,
@@ -98,6 +106,8 @@ def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrup
         value = getattr(arguments, name)
         if not low <= value <= high:
             raise BadInput(f"--{name.replace('_', '-')} is {value:g}, outside of [{low:g}, {high:g}]")
+    if arguments.watch is not None:
+        require_terminal()
     prepare_middleware(line.complain)
     domain_id = domain_from()
     match = match_from(arguments)
@@ -105,14 +115,20 @@ def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrup
     for note in match.notes:
         line.complain(note)
     interrupts.check(BEFORE_THE_MATCH)
-    mode = Mode(arguments.processes, arguments.realtime, arguments.record, arguments.start_timeout)
+    paced = arguments.watch is not None and arguments.realtime == 0.0
+    mode = Mode(arguments.processes, arguments.realtime, arguments.record, arguments.start_timeout, paced)
     live = None
     if arguments.foxglove is not None:
         from fbql.graph.foxglove_live import FoxgloveLive
 
         live = FoxgloveLive(arguments.foxglove)
         line.say(f"live in Foxglove: {live.address} (Open connection, Foxglove WebSocket)")
-    return match, Supervision(mode, domain_id, arguments.start_timeout, line, interrupts, live)
+    watch = None
+    if arguments.watch is not None:
+        from fbql.watch.live import LiveWatch
+
+        watch = LiveWatch([load_tree(file) for file in match.behaviors.values()], sets_pace=paced)
+    return match, Supervision(mode, domain_id, arguments.start_timeout, line, interrupts, live, watch)
 
 
 def _report(

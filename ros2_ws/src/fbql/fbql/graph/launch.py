@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import yaml
 from ament_index_python.packages import get_package_prefix
 from fbql_common.core.errors import BadInput
+from fbql_common.core.topic_names import WHEEL_COMMAND
 from fbql_common.files import remedy, write_atomically
 
 from fbql.match.in_process import own_observation
@@ -18,6 +19,8 @@ from fbql.match.options import Match
 LOCKSTEP_TIMEOUT_S = 10.0
 """How long a step may take in a supervised graph before the run ends with the name of the node that is missing [s]."""
 _START_GRACE_S = 5.0
+PACED_COMMAND = "watch/wheel_command"
+"""Where the simulator of a paced match hears its commands, which somebody passes on when they are due."""
 
 
 class Mode(NamedTuple):
@@ -30,6 +33,8 @@ class Mode(NamedTuple):
     record: bool
     start_timeout_s: float = 30.0
     """How long the graph may take to come up [s]."""
+    paced: bool = False
+    """Lockstep: whether somebody sets the pace, by passing commands on to the simulator when they are due."""
 
 
 def node_names(match: Match) -> list[str]:
@@ -46,7 +51,8 @@ def write_parameters(match: Match, mode: Mode) -> Path:
             "seed": match.fusion.seed,
             "realtime": float(mode.realtime),
             # A little longer than fusion's: fusion can name the behavior that is missing.
-            "lockstep_timeout_s": LOCKSTEP_TIMEOUT_S + 2.0,
+            # Whoever sets the pace may pause: the launcher sees then whether a node hangs.
+            "lockstep_timeout_s": 0.0 if mode.paced else LOCKSTEP_TIMEOUT_S + 2.0,
         },
         "fusion": {
             **asdict(match.fusion),
@@ -81,10 +87,12 @@ def commands(match: Match, mode: Mode, parameters: Path) -> dict[str, list[str]]
     """The command line of each process of the graph; the last one holds the fusion node. Raises BadInput."""
     # What a node prints is kept; the logging library would write a second copy.
     ros = ["--ros-args", "--params-file", str(parameters), "--disable-external-lib-logs"]
+    paced = f"{WHEEL_COMMAND}:={PACED_COMMAND}"
     if mode.processes == "one":
+        ros += ["-r", f"simulator:{paced}"] if mode.paced else []
         program = str(Path(__file__).with_name("one_process.py"))
         return {"graph": [sys.executable, "-P", program, *match.behaviors, *ros]}
-    result = {"simulator": [executable("fbql_sim", "simulator"), *ros]}
+    result = {"simulator": [executable("fbql_sim", "simulator"), *ros, *(["-r", paced] if mode.paced else [])]}
     for name in match.behaviors:
         own = executable("fbql_behaviors", name, required=False)
         result[name] = [own or executable("fbql_behaviors", "behavior"), *ros]

@@ -23,6 +23,7 @@ class CommandNode:
     """A node with its own context, which receives messages only in `look`."""
 
     def __init__(self, name: str, domain_id: int) -> None:
+        self.domain_id = domain_id
         self._context = rclpy.Context()
         args = ["--ros-args", "--disable-external-lib-logs"]
         rclpy.init(

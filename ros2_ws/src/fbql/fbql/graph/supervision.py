@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import closing, nullcontext
+from contextlib import AbstractContextManager, closing, nullcontext
 from functools import partial
 from pathlib import Path
 from time import monotonic, sleep
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.recording_names import CONFIG
@@ -23,7 +23,7 @@ from fbql.graph.domains import free_domain
 from fbql.graph.observer import Observer
 from fbql.graph.processes import NodeProcess, start, stop
 from fbql.match.options import Match
-from fbql.match.result import Asked, played_so_far, status_line
+from fbql.match.result import Asked, export_text, played_so_far, status_line
 
 if TYPE_CHECKING:  # it takes message packages that a bring-up without it need not load
     from fbql.graph.foxglove_live import FoxgloveLive
@@ -38,8 +38,34 @@ _STALLED_S = 30.0
 """How long no step may be played before a node counts as hung [s]: longer than any node waits for another."""
 _LAST_COUNT_S = 0.3
 """The simulator publishes its counts again within this time [s]."""
+_LAST_MOMENT_S = 1.5
+"""How long somebody who watches sees how the match ended [s]."""
 _SHARED_MEMORY_ERROR = b"RTPS_TRANSPORT_SHM"
 """What Fast DDS names itself in an error about shared memory."""
+
+
+class Watch(Protocol):
+    """A view of the match in this command, which may set the pace of a match in lockstep."""
+
+    @property
+    def is_on(self) -> bool:
+        """Whether somebody watches."""
+        ...
+
+    @property
+    def holds(self) -> bool:
+        """Whether the match waits for whoever watches."""
+        ...
+
+    def attach(self, observer: Observer, behaviors: Sequence[str]) -> None:
+        """From now on hears the match."""
+
+    def on_screen(self, log: Path) -> AbstractContextManager[None]:
+        """A context in which the match is shown; `log` takes what would be printed into it."""
+        ...
+
+    def look(self, observer: Observer, duration_s: float) -> None:
+        """Receives messages for this long, and shows them."""
 
 
 class GraphFailed(Exception):
@@ -63,6 +89,7 @@ class Supervision:
         domain_id: None for a free one, which is reserved while the graph runs.
         start_timeout_s: how long every node and topic may take to appear [s].
         live: the live viewer, if there is one.
+        watch: the view in this command, if there is one.
     """
 
     def __init__(
@@ -73,6 +100,7 @@ class Supervision:
         line: LiveLine,
         interrupts: Interrupts,
         live: FoxgloveLive | None = None,
+        watch: Watch | None = None,
     ) -> None:
         self._mode = mode
         self._domain_id = domain_id
@@ -82,6 +110,7 @@ class Supervision:
         self._line = line
         self._interrupts = interrupts
         self._live = live
+        self._view = watch
         self._started: list[NodeProcess] = []
         self._out = Path()
         self.missed_ticks: int | None = None
@@ -109,7 +138,7 @@ class Supervision:
             how = "one process each" if self._mode.processes == "many" else "all in one process"
             self.domain_id = domain_id
             self._line.say(
-                f"bringing up {len(names)} nodes, {how}, in ROS_DOMAIN_ID={domain_id} (export it to look on)"
+                f"bringing up {len(names)} nodes, {how}; to look on from a second shell: {export_text(domain_id)}"
             )
             failure: GraphFailed | None = None
             try:
@@ -118,8 +147,11 @@ class Supervision:
                 with closing(Observer(domain_id)) as observer:
                     if self._live is not None:
                         self._live.attach(observer, list(match.behaviors))
+                    if self._view is not None:
+                        self._view.attach(observer, list(match.behaviors))
                     self._wait_for_graph(observer, match)
-                    self._watch(observer, match)
+                    with self._view.on_screen(match.out / "log" / "bringup.log") if self._view else nullcontext():
+                        self._watch(observer, match)
             except GraphFailed as error:
                 failure = error
             finally:
@@ -215,8 +247,8 @@ class Supervision:
         stalled_s = _STALLED_S + (10 * match.simulation.dt_s / self._mode.realtime if self._mode.realtime else 0.0)
         place, moved_s = ("", ""), monotonic()
         while not self._interrupts.came:
-            observer.look(_LOOK_S)
-            if observer.status:
+            self._look(observer, _LOOK_S)
+            if observer.status and not (self._view and self._view.is_on):
                 self._line.show(partial(status_line, observer.status))
             if self._mode.realtime > 0:
                 self.missed_ticks = observer.missed_ticks
@@ -224,13 +256,22 @@ class Supervision:
                 if self._mode.realtime > 0:
                     observer.look(_LAST_COUNT_S)
                     self.missed_ticks = observer.missed_ticks
+                if self._view is not None and self._view.is_on:
+                    self._look(observer, _LAST_MOMENT_S)
                 return
             self._fail_on_exit()
             now_at = observer.status.get("episode", ""), observer.status.get("step", "")
-            if now_at != place:
+            if now_at != place or (self._view and self._view.holds):
                 place, moved_s = now_at, monotonic()
             elif monotonic() - moved_s > stalled_s:
                 raise GraphFailed(f"no step was played for {stalled_s:g} s: a node hangs; see {match.out / 'log'}")
+
+    def _look(self, observer: Observer, duration_s: float) -> None:
+        """Receives messages for this long."""
+        if self._view is None:
+            observer.look(duration_s)
+        else:
+            self._view.look(observer, duration_s)
 
     def _fail_on_exit(self) -> None:
         for process in self._started:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
-from collections.abc import Generator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
@@ -19,13 +17,14 @@ from fbql_common.terminal.keys import DRIVING, Key
 from fbql_common.terminal.screen import Screen
 
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import complain, say
+from fbql.cli.output import complain, output_aside
 from fbql.demonstrations.instruct import simulation_of, starts
 from fbql.graph.domains import domain_from, free_domain
 from fbql.keyboard.live import LiveSimulator
-from fbql.keyboard.page import PICTURE_S, driving_side, page
+from fbql.keyboard.page import driving_side
 from fbql.keyboard.sitting import Kept, Safekeeping, Sitting
 from fbql.keyboard.steering import Steering
+from fbql.watch.page import PICTURE_S, page
 
 LOOK_S = 1 / 60
 """Longest time between two checks of the keys [s]."""
@@ -200,7 +199,7 @@ def demonstrate_by_keyboard(
         domain = closing.enter_context(free_domain()) if given_domain is None else given_domain
         log_directory = Path(closing.enter_context(tempfile.TemporaryDirectory(prefix="fbql-demonstrate-")))
         os.environ["ROS_LOG_DIR"] = str(log_directory)
-        closing.enter_context(_stderr_to(log_directory / "instructor.log"))
+        closing.enter_context(output_aside(log_directory / "instructor.log"))
         shared = given_domain is not None
         live = LiveSimulator(simulation, domain, shared, dict(os.environ), log_directory, drive.deliver)
         closing.enter_context(live)
@@ -218,23 +217,3 @@ def demonstrate_by_keyboard(
     if interrupts.came and sitting.kept and written:
         complain(f"ended by {interrupts.name}; what was demonstrated until then is saved")
     return SittingResult(sitting.kept, written and problem is None)
-
-
-@contextmanager
-def _stderr_to(file: Path) -> Generator[None]:
-    """Redirects stderr, and what libraries print on stdout, both of which would be printed into the picture, to a file;
-    prints it afterwards."""
-    sys.stderr.flush()
-    kept = [os.dup(descriptor) for descriptor in (1, 2)]
-    with file.open("wb") as stream:
-        for descriptor in (1, 2):
-            os.dup2(stream.fileno(), descriptor)
-    try:
-        yield
-    finally:
-        sys.stderr.flush()
-        for descriptor, before in zip((1, 2), kept, strict=True):
-            os.dup2(before, descriptor)
-            os.close(before)
-        for line in file.read_text(errors="replace").splitlines():
-            say(line)

@@ -174,9 +174,10 @@ def next_steps(
         other = f"{bringup}{'' if shipped else ' --policy none'}", f"the same behaviors, {meaning}"
     else:
         other = f"{bringup} --controller subsumption", "the same behaviors, selected by priority instead"
-    steps = [other, (f"{player} --realtime 1 --goals 3", "watch it: RViz or Foxglove, topic /simulator/markers")]
+    steps = [other, (f"{player} --realtime 1 --goals 3", "in real time for RViz or Foxglove, topic /simulator/markers")]
     if domain_id is not None:
-        meaning = "in a second shell while it runs, for ros2, RViz and others; a run names its domain when it starts"
+        seen = "ros2 (here scripts/ros2), RViz and others see it; a run names its domain when it starts"
+        meaning = f"in a second shell while it runs: {seen}"
         steps.append((export_text(domain_id), meaning))
     if summary["messages_recorded"]:
         steps.append((f"{command_text('report')} {place}", "a page that shows what happened, step by step, and why"))
@@ -185,5 +186,6 @@ def next_steps(
     elif summary["messages_recorded"]:
         meaning = f"what was recorded, if ROS 2 is installed; Foxglove opens its {run.name}_0.mcap"
         steps.append((f"ros2 bag info {place}", meaning))
+    steps.append((f"{player} --watch --goals 3", "watch it in this terminal: where everything is, who drives, and why"))
     lines = [line for command, meaning in steps for line in (f"  {command}", f"      {meaning}")]
     return as_lines(["", "Next:", *lines])

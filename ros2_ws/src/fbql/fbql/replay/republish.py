@@ -10,15 +10,20 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Generator, Iterator
+import select
+import tempfile
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing, contextmanager, nullcontext
+from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
 import rclpy
+from fbql_behaviors.core.tree import Tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.topic_names import CLOCK
 from fbql_common.middleware import prepare_middleware
+from fbql_common.terminal.keys import WATCHING_KEYS, Key, KeyDecoder
 from fbql_common.terminal.screen import RawTerminal
 from fbql_recording.mcap.reader import Message, Topic
 from fbql_recording.run import Run
@@ -32,10 +37,14 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
 
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import LiveLine, complain, print_result, say, warn
+from fbql.cli.output import LiveLine, complain, output_aside, print_result, say, warn
 from fbql.graph.domains import MAX_DOMAIN_ID, free_domain
-from fbql.replay.pace import Order, Pace
+from fbql.replay.recomputation import recorded_trees
 from fbql.replay.topics import ReplayViews, message_class, qos_of
+from fbql.watch.moments import Moments
+from fbql.watch.pace import Pace
+from fbql.watch.page import PICTURE_S
+from fbql.watch.terminal import END_S, MatchScreen
 
 NODE = "replay"
 NS = 1_000_000_000
@@ -49,7 +58,6 @@ _PATIENCE_S = 4.0
 _ASK_AGAIN = Duration(seconds=0.02)
 _DEPTH = 20
 """Messages of a topic that may wait to be acknowledged. 10 are a fourth slower, bursts of 80 overflow a subscriber."""
-_ORDERS = {ord(" "): Order.PAUSE, **dict.fromkeys(b"sS", Order.STEP), **dict.fromkeys(b"qQ", Order.QUIT)}
 
 
 def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
@@ -64,15 +72,19 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
         nullcontext(domain) if domain is not None else free_domain() as domain_id,
         closing(Stage(run, topics, domain_id, not arguments.no_clock, views=arguments.topics is None)) as stage,
         closing(LiveLine()) as line,
-        _keyboard() as keys,
     ):
         if domain is not None:
             stage.refuse_twins(interrupts)
         say(f"replaying {run.path} in ROS_DOMAIN_ID={domain_id}: {len(topics)} topics, {window.words}")
-        if keys is not None and keys.taken:
-            say("space: pause, continue; s: one step; q: quit")
-        stage.wait_for_subscribers(arguments.wait, interrupts, may_have_twins=domain is not None)
-        replayed = _Replay(run, arguments, window, stage, line, keys, interrupts).play()
+        with _keyboard(arguments.watch is None) as keys:
+            if keys is not None and keys.taken:
+                say("space: pause, continue; s: one step; + -: faster, slower; q: quit")
+            stage.wait_for_subscribers(arguments.wait, interrupts, may_have_twins=domain is not None)
+            watched = f"{run.path.name} in ROS_DOMAIN_ID={domain_id}"
+            with _screen(_trees(run), watched) if arguments.watch is not None else nullcontext() as screen:
+                replay = _Replay(run, arguments, window, stage, line, keys, screen, interrupts)
+                replay.play()
+        replayed = replay.report()
         if arguments.json:
             found = {"domain": domain_id, "topics": stage.names, "left_out": stage.left_out, **replayed}
             print_result(json.dumps({**found, "complete": run.is_complete}))
@@ -80,16 +92,38 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
 
 
 @contextmanager
-def _keyboard() -> Generator[RawTerminal | None]:
-    """The keys that a person presses; None without a terminal."""
+def _keyboard(wanted: bool) -> Generator[RawTerminal | None]:
+    """The keyboard, if there is one."""
     try:
-        terminal = RawTerminal()
+        terminal = RawTerminal() if wanted else None
     except OSError:
+        terminal = None
+    if terminal is None:
         yield None
         return
     with terminal:
         terminal.take()
         yield terminal
+
+
+@contextmanager
+def _screen(trees: Iterable[Tree], message: str) -> Generator[MatchScreen]:
+    """The terminal with a match on it; what is printed meanwhile is printed afterwards."""
+    with (
+        tempfile.NamedTemporaryFile(prefix="fbql-replay-") as log,
+        output_aside(Path(log.name)),
+        MatchScreen(trees, message) as screen,
+    ):
+        yield screen
+
+
+def _trees(run: Run) -> Iterable[Tree]:
+    """The trees in the recording; where one is damaged, a warning instead."""
+    try:
+        return recorded_trees(run).values()
+    except BadInput as error:
+        warn([f"rules are not shown: {error}"])
+        return ()
 
 
 class _Window:
@@ -288,6 +322,7 @@ class _Replay:
         stage: Stage,
         line: LiveLine,
         keys: RawTerminal | None,
+        screen: MatchScreen | None,
         interrupts: Interrupts,
     ) -> None:
         self._run = run
@@ -295,15 +330,20 @@ class _Replay:
         self._stage = stage
         self._line = line
         self._keys = keys
+        self._decoder = KeyDecoder(WATCHING_KEYS)
+        self._screen = screen
         self._interrupts = interrupts
         self._loop: bool = arguments.loop
-        self._pace = Pace(arguments.rate, monotonic, self._orders, self._show)
+        self._pace = Pace(arguments.rate, monotonic, self._pressed, self._show)
+        if screen is not None:
+            screen.pace = self._pace
         self._at_ns = window.start_ns
         self._messages = 0
         self._covered_ns = 0
+        self._wall_s = 0.0
 
-    def play(self) -> dict[str, float]:
-        """Replays. Returns the figures for --json."""
+    def play(self) -> None:
+        """Replays."""
         begun_s = monotonic()
         again = True
         while again:
@@ -315,10 +355,18 @@ class _Replay:
                 self._at_ns = message.log_time_ns
                 self._stage.publish(message)
                 self._messages += 1
+                if self._screen is not None:
+                    self._follow(message, self._screen.moments)
                 self._show()
             self._covered_ns += self._at_ns - self._window.start_ns
             again = self._loop and not self._pace.quit and self._messages > before
-        wall_s = monotonic() - begun_s
+        if self._screen is not None and not self._pace.quit:
+            self._screen.draw()
+        self._wall_s = monotonic() - begun_s
+
+    def report(self) -> dict[str, float]:
+        """Says how it went. Returns the figures for --json."""
+        wall_s = self._wall_s
         late = self._stage.settle()
         self._line.close()
         covered_s = self._covered_ns / NS
@@ -343,18 +391,34 @@ class _Replay:
     def _recorded(self) -> Iterator[Message]:
         return self._run.messages(self._stage.names, self._window.start_ns, self._window.end_ns)
 
-    def _orders(self, patience_s: float) -> list[Order]:
-        keys = self._keys
-        if keys is not None:
-            keys.stopped()
-        if keys is not None and keys.take():
-            orders = [_ORDERS[key] for key in keys.read(patience_s) if key in _ORDERS]
+    def _follow(self, message: Message, moments: Moments) -> None:
+        """Shows a message. Whoever skips to the next episode has arrived with its first world state."""
+        before = moments.world
+        moments.hear(message.topic, message.data)
+        world = moments.world
+        if world is before or world is None:
+            return
+        if before is not None and world.episode != before.episode:
+            self._pace.arrive()
+        elif world.ended and not self._pace.hurries:
+            self._pace.linger(END_S)
+
+    def _pressed(self, patience_s: float) -> list[Key]:
+        """The keys pressed; waits for some at most this long."""
+        keys: list[Key] = []
+        if self._screen is not None:
+            select.select([self._screen], [], [], min(patience_s, PICTURE_S))
+            keys = self._screen.keys()
+        elif self._keys is not None and not self._keys.stopped() and self._keys.take():
+            keys = [key for key in self._decoder.feed(self._keys.read(patience_s)) if key is not Key.NEXT]
         else:
             sleep(patience_s)  # at most 0.1 s: Python waits on after a signal
-            orders = []
-        return [*orders, Order.QUIT] if self._interrupts.came else orders
+        return [*keys, Key.FINISH] if self._interrupts.came else keys
 
     def _show(self) -> None:
+        if self._screen is not None:
+            self._screen.draw()
+            return
         window = self._window
         at, length = (self._at_ns - window.start_ns) / NS, (window.end_ns - 1 - window.start_ns) / NS
         paused = "  paused" if self._pace.is_paused else ""

@@ -1,8 +1,9 @@
-"""The bytes that a terminal sends for a key, and what the key means while a person drives."""
+"""The bytes that a terminal sends for a key, and what the key means to a person who drives or watches."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from enum import Enum, auto
 
 
@@ -17,11 +18,13 @@ class Key(Enum):
     NEXT = auto()
     UNDO = auto()
     FINISH = auto()
+    PAUSE = auto()
+    STEP = auto()
 
 
 DRIVING = frozenset({Key.FASTER, Key.SLOWER, Key.LEFT, Key.RIGHT, Key.STOP})
 """The driving keys."""
-_CHARACTERS = {
+DRIVING_KEYS: Mapping[bytes, Key] = {
     b"w": Key.FASTER,
     b"s": Key.SLOWER,
     b"a": Key.LEFT,
@@ -33,6 +36,18 @@ _CHARACTERS = {
     b"u": Key.UNDO,
     b"q": Key.FINISH,
 }
+"""The characters of a person who drives."""
+WATCHING_KEYS: Mapping[bytes, Key] = {
+    b" ": Key.PAUSE,
+    b"s": Key.STEP,
+    b"+": Key.FASTER,
+    b"=": Key.FASTER,
+    b"-": Key.SLOWER,
+    b"n": Key.NEXT,
+    b"u": Key.UNDO,
+    b"q": Key.FINISH,
+}
+"""The characters of a person who watches."""
 _ARROWS = {b"A": Key.FASTER, b"B": Key.SLOWER, b"C": Key.RIGHT, b"D": Key.LEFT}
 """Last byte of an arrow key's sequence (ECMA-48, as all current terminals send it)."""
 _SEQUENCE = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]|O.|[^\[O\x1b])", re.DOTALL)
@@ -43,9 +58,14 @@ _LONGEST = 64
 
 
 class KeyDecoder:
-    """Turns the bytes of a terminal into keys, in whatever pieces they come; skips those without a meaning here."""
+    """Turns the bytes of a terminal into keys, in whatever pieces they come; skips those without a meaning here.
 
-    def __init__(self) -> None:
+    Args:
+        characters: what each character means; arrows mean the same everywhere.
+    """
+
+    def __init__(self, characters: Mapping[bytes, Key] = DRIVING_KEYS) -> None:
+        self._characters = characters
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Key]:
@@ -62,7 +82,7 @@ class KeyDecoder:
         at = 0
         while at < len(data):
             if data[at : at + 1] != b"\x1b":
-                self._take(_CHARACTERS.get(data[at : at + 1].lower()), keys)
+                self._take(self._characters.get(data[at : at + 1].lower()), keys)
                 at += 1
             elif sequence := _SEQUENCE.match(data, at):
                 arrow = sequence[0][1:2] in (b"[", b"O") and len(sequence[0]) > 2

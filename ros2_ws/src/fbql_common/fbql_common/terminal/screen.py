@@ -14,12 +14,13 @@ import select
 import shutil
 import signal
 import termios
+from collections.abc import Mapping
 from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import Self
 
 from fbql_common.core.errors import BadInput
-from fbql_common.terminal.keys import Key, KeyDecoder
+from fbql_common.terminal.keys import DRIVING_KEYS, Key, KeyDecoder
 
 Span = tuple[str, str]
 """Text and its style, as the parameters of SGR (`ESC [ ... m`); no style is empty."""
@@ -50,6 +51,12 @@ def trouble_with_terminal() -> str | None:
         return "standard input is not one; start it in a terminal"
     name = os.environ.get("TERM", "")
     return f"TERM is '{name}'; start it in another" if name in ("", "dumb", "unknown") else None
+
+
+def require_terminal() -> None:
+    """Raises BadInput where standard input's terminal can't be drawn on."""
+    if trouble := trouble_with_terminal():
+        raise BadInput(f"an interactive terminal is needed: {trouble}")
 
 
 class RawTerminal:
@@ -153,11 +160,15 @@ class RawTerminal:
 
 class Screen(RawTerminal):
     """A terminal to draw pages on. Raises BadInput when standard input is not a terminal, or one that can't be drawn
-    on."""
+    on.
 
-    def __init__(self, ascii_only: bool = False) -> None:
-        if trouble := trouble_with_terminal():
-            raise BadInput(f"an interactive terminal is needed: {trouble}")
+    Args:
+        ascii_only: draw only ASCII even where the terminal has more.
+        characters: what each character key means.
+    """
+
+    def __init__(self, ascii_only: bool = False, characters: Mapping[bytes, Key] = DRIVING_KEYS) -> None:
+        require_terminal()
         try:
             super().__init__()
         except OSError as error:
@@ -167,7 +178,7 @@ class Screen(RawTerminal):
         self.ascii_only = ascii_only or not unicode or name.startswith(_WITHOUT_BRAILLE)
         """Whether to draw only ASCII."""
         self._colour = not os.environ.get("NO_COLOR")
-        self._decoder = KeyDecoder()
+        self._decoder = KeyDecoder(characters)
         self._waiting = b""
         self._shown: list[str] = []
         self._size = (0, 0)

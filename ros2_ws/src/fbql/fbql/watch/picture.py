@@ -1,4 +1,5 @@
-"""The field from above as characters: walls, goals, the ball, the robot and where it is heading.
+"""The field from above as characters: walls, goals, the ball, the robot, where it is heading, and where both
+have been.
 
 In Unicode each character is a braille pattern of 2 x 4 dots: at 80 x 24 characters a dot is 2.5 cm, so that the robot is a
 small square, the ball a speck, and contact can be seen. In ASCII each character is one thing. Everything differs in shape;
@@ -7,8 +8,9 @@ colour only helps.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import ceil, cos, hypot, sin, tau
+from typing import NamedTuple
 
 from fbql_common.core.field import BALL_RADIUS_M, FIELD, ROBOT_SIDE_M
 from fbql_common.core.types import World
@@ -18,25 +20,45 @@ from fbql_sim.core.arena import HALF_GOAL, HALF_LENGTH, HALF_WIDTH, POCKET, SEGM
 _Inside = Callable[[float, float], bool]
 """Whether a point of a body's own frame [m] belongs to it."""
 
-_NOTHING, _WALL, _OWN_GOAL, _GOAL, _RAY, _BALL, _ROBOT = range(7)
+_NOTHING, _ROBOT_TRAIL, _BALL_TRAIL, _WALL, _OWN_GOAL, _GOAL, _RAY, _BALL, _ROBOT = range(9)
 """Kinds of things; a later one covers an earlier one."""
-_STYLES = ("", "2", "34", "32", "36", "1;33", "1;36")
-_ASCII = " #[]*oR"
+_STYLES = ("", "2;36", "2;33", "2", "34", "32", "36", "1;33", "1;36")
+_ASCII = " .,#[]*oR"
 _HEADINGS = ">/^\\</v\\"
 """The robot in ASCII, by eighths of a turn."""
 _BRAILLE = 0x2800
 _BITS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Bit of a braille dot, by row and column in its character."""
+TRAIL_EVERY = 4
+"""Steps between two points of a trail: with 60 steps a second the dots are apart."""
+TRAIL_POINTS = 60
+"""Length of a trail: 4 s."""
 NOSE_M = 0.15
 """How far the line ahead of the robot reaches from its centre [m]."""
 
 
-def field_picture(world: World, columns: int, rows: int, ascii_only: bool = False) -> list[Line]:
+class Trail(NamedTuple):
+    """Where robot and ball have been: points (x, y) [m]."""
+
+    robot: Iterable[tuple[float, float]] = ()
+    ball: Iterable[tuple[float, float]] = ()
+
+
+def field_picture(
+    world: World,
+    columns: int,
+    rows: int,
+    ascii_only: bool = False,
+    trail: Trail = Trail(),  # noqa: B008 - immutable
+) -> list[Line]:
     """A picture of at most `columns` x `rows` characters, as large as fits, x to the right and y upwards.
 
     At least 8 x 4 characters.
     """
     canvas = _Canvas(columns, rows, ascii_only)
+    for points, thing in ((trail.robot, _ROBOT_TRAIL), (trail.ball, _BALL_TRAIL)):
+        for x, y in points:
+            canvas.dot(x, y, thing)
     for (x0, y0), (x1, y1) in SEGMENTS:
         canvas.line(x0, y0, x1, y1, _WALL)
     for side, thing in ((-1.0, _OWN_GOAL), (1.0, _GOAL)):
@@ -79,11 +101,11 @@ class _Canvas:
         steps = ceil(hypot(x1_m - x0_m, y1_m - y0_m) * self._right) or 1
         for step in range(steps + 1):
             share = step / steps
-            self._dot(x0_m + share * (x1_m - x0_m), y0_m + share * (y1_m - y0_m), thing)
+            self.dot(x0_m + share * (x1_m - x0_m), y0_m + share * (y1_m - y0_m), thing)
 
     def _fill(self, x_m: float, y_m: float, reach_m: float, yaw_rad: float, thing: int, inside: _Inside) -> None:
         """All dots of a body, the one at its centre in any case, which is all that ASCII shows."""
-        self._dot(x_m, y_m, thing)
+        self.dot(x_m, y_m, thing)
         if self._ascii:
             return
         dot_m = 1.0 / self._right
@@ -96,7 +118,7 @@ class _Canvas:
                 if inside(px * c + py * s, py * c - px * s):
                     self._mark(i, j, thing)
 
-    def _dot(self, x_m: float, y_m: float, thing: int) -> None:
+    def dot(self, x_m: float, y_m: float, thing: int) -> None:
         self._mark(*self._place(x_m, y_m), thing)
 
     def _place(self, x_m: float, y_m: float) -> tuple[int, int]:

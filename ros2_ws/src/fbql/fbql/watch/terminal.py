@@ -1,0 +1,70 @@
+"""A match on the terminal, live or replayed: draws its latest moment, and takes the keys."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from time import monotonic
+from types import TracebackType
+from typing import Self
+
+from fbql_behaviors.core.tree import Tree
+from fbql_common.terminal.keys import WATCHING_KEYS, Key
+from fbql_common.terminal.screen import Screen
+
+from fbql.watch.match import match_page
+from fbql.watch.moments import Moments
+from fbql.watch.pace import Pace
+from fbql.watch.page import PICTURE_S
+
+END_S = 1.0
+"""How long the end of an episode is shown [s]."""
+
+
+class MatchScreen:
+    """The terminal between `with` and its end, and the match on it. Making it raises BadInput for a terminal that can't be
+    drawn on.
+
+    Args:
+        trees: those that behaviors may answer with.
+        message: the last line, behind how the last episode ended.
+    """
+
+    def __init__(self, trees: Iterable[Tree], message: str = "") -> None:
+        self._screen = Screen(characters=WATCHING_KEYS)
+        self.moments = Moments(trees)
+        self.pace: Pace | None = None
+        """What the screen shows as the pace; None: the match's own."""
+        self.message = message
+        self._drawn_s = float("-inf")
+
+    def __enter__(self) -> Self:
+        self._screen.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._screen.__exit__(kind, error, trace)
+
+    @property
+    def gone(self) -> bool:
+        """Whether the terminal was closed."""
+        return self._screen.gone
+
+    def fileno(self) -> int:
+        """What to wait for keys on."""
+        return self._screen.fileno()
+
+    def keys(self) -> list[Key]:
+        """The keys pressed since the last call; a terminal that was closed counts as quitting."""
+        self._screen.stopped()
+        return [Key.FINISH] if self._screen.gone else self._screen.pressed()
+
+    def draw(self) -> None:
+        """Draws the latest moment, unless it did just now."""
+        now_s = monotonic()
+        if now_s - self._drawn_s < PICTURE_S:
+            return
+        self._drawn_s = now_s
+        columns, rows = self._screen.size
+        self._screen.show(match_page(self.moments, self.pace, self.message, columns, rows, self._screen.ascii_only))
