@@ -1,8 +1,10 @@
-"""`scripts/ros2`: `run` and `pkg` where no real `ros2` is installed, with its arguments, output and exit codes.
+"""`scripts/ros2`: `run`, `pkg` and what looks at a graph where no real `ros2` is installed, with its arguments, output and
+exit codes.
 
 The wheels bring no ros2cli. With a sourced system Jazzy this steps aside for the real one. Packages and executables are
 looked up by the ament index, which is files: a prefix holds a package when it has the marker
-share/ament_index/resource_index/packages/NAME. Of several prefixes the first on AMENT_PREFIX_PATH wins.
+share/ament_index/resource_index/packages/NAME. Of several prefixes the first on AMENT_PREFIX_PATH wins. What looks at a
+graph needs ROS, so it is a program in the environment: `fbql.ros2cli`.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ from .target import matches, split_path, target_for
 
 MARKERS = Path("share", "ament_index", "resource_index", "packages")
 SCRIPTS = ROOT / "scripts"
-VERBS = ("run", "pkg")
+GRAPH = {"topic": "list, info, echo, hz", "node": "list, info", "param": "list, get"}
+"""What looks at a graph, with the verbs that are here."""
+VERBS = ("run", "pkg", *GRAPH)
 
 
 class NotThere(Exception):
@@ -37,6 +41,10 @@ def main(argv: list[str]) -> int:
     if argv and not argv[0].startswith("-") and argv[0] not in VERBS:
         write(f"'ros2 {shown(argv[0])}' needs a real ros2 (an installed ROS 2 Jazzy); here are: {', '.join(VERBS)}\n")
         return 2
+    if argv and argv[0] in GRAPH:
+        target, environ = environment_or_exit()
+        python = str(target.venv / "bin" / "python")
+        os.execve(python, [python, "-P", "-m", "fbql.ros2cli", *argv], environ)
     arguments = make_parser().parse_args(argv)
     if arguments.work is None:
         arguments.help()
@@ -64,15 +72,17 @@ class Parser(argparse.ArgumentParser):
 
 def make_parser() -> argparse.ArgumentParser:
     """The command line of ros2cli, as far as it is supported here."""
-    parser = Parser(prog="ros2", description="The part of ros2 that finds packages and starts their executables.")
+    parser = Parser(prog="ros2", description="The part of ros2 that starts executables and looks at a graph.")
     parser.set_defaults(work=None, help=parser.print_help)
-    verbs = parser.add_subparsers(metavar="{run,pkg}")
+    verbs = parser.add_subparsers(metavar=f"{{{','.join(VERBS)}}}")
     run = verbs.add_parser("run", help="Run a package specific executable", description="Run an executable.")
     run.add_argument("--prefix", help="Command to put before the executable, quoted if it has spaces ('gdb --args')")
     run.add_argument("package_name", help="Name of the ROS package")
     run.add_argument("executable_name", help="Name of the executable")
     run.add_argument("argv", nargs=argparse.REMAINDER, help="Pass arbitrary arguments to the executable")
     run.set_defaults(work=run_executable)
+    for name, those in GRAPH.items():
+        verbs.add_parser(name, help=f"Various {name} related sub-commands: {those}", add_help=False)
     package = verbs.add_parser("pkg", help="Various package related sub-commands", description="Look at packages.")
     package.set_defaults(help=package.print_help)
     verbs = package.add_subparsers(metavar="{executables,list,prefix}")

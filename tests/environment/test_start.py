@@ -285,7 +285,7 @@ def test_run_hands_over_arguments_as_they_are_and_puts_a_prefix_before(checkout:
 
 def test_other_verbs_need_a_real_ros2_and_help_needs_nothing(tmp_path: Path) -> None:
     fresh = make_checkout(tmp_path / "fresh")
-    said = start(fresh, "ros2", "topic", "list")
+    said = start(fresh, "ros2", "service", "list")
     assert (said.returncode, said.stdout, said.stderr.count("\n")) == (2, "", 1)
     assert "needs a real ros2" in said.stderr
     said = start(fresh, "ros2", "run", "--help")

@@ -135,7 +135,7 @@ def test_a_result_of_nothing_is_told_without_numbers() -> None:
     text = summary_text({**SUMMARY, **nothing, **zero}, Path("/run"), 1 / 60)
     assert "0 goals in 0 episodes\n" in text
     assert text.count("n/a") == 2
-    assert "none  /run" in text
+    assert "none  the other files are in /run" in text
 
 
 def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None:

@@ -6,9 +6,10 @@ import random
 from itertools import count
 from math import isfinite
 
-from fbql.keyboard.page import driving_side, page
+from fbql.keyboard.page import driving_side
 from fbql.keyboard.sitting import Sitting
 from fbql.keyboard.steering import Steering
+from fbql.watch.page import page
 from fbql_behaviors.core.observation import observation_of
 from fbql_common.terminal.keys import DRIVING, Key, KeyDecoder
 from fbql_sim.core.world_loop import WorldLoop
