@@ -1,6 +1,6 @@
-"""A command of ours as a process, with all that it starts: for studies of bring-ups, and for the tests.
+"""One of our commands as a process, with everything that it starts: for the study of kills, and for the tests.
 
-Every process of it carries a mark of its own in its environment, by which all of them are found and nobody else's.
+All its processes carry a unique mark in their environment, by which they, and no others, are found.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from pathlib import Path
 
 NODES = ("simulator", "ball_seeking", "wall_avoiding", "approaching", "fusion")
 LATE_S = 0.3
-"""How much later than it should a timer may come on a busy machine [s]."""
+"""How late a timer may fire on a busy machine [s]."""
 _MARK = "FBQL_PROCESS_MARK"
 _DOMAIN = re.compile(r"ROS_DOMAIN_ID=(\d+)")
 
 
 class CommandProcess:
-    """A command that runs in a session of its own.
+    """A command that runs in its own session.
 
     Args:
         command: the program and its arguments.
         place: its working directory, which also gets its output.
-        environment: its variables, but for the mark.
-        terminal: the descriptor of a terminal, which becomes its controlling one, and takes its stderr.
+        environment: its variables, without the mark.
+        terminal: descriptor of a terminal, which becomes its controlling terminal and receives its stderr.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class CommandProcess:
 
     @property
     def domain_id(self) -> int | None:
-        """The domain of its graph; None before it is told."""
+        """The domain of its graph; None before it is printed."""
         found = _DOMAIN.search(self.stderr)
         return None if found is None else int(found[1])
 
@@ -76,16 +76,16 @@ class CommandProcess:
         return found
 
     def ros_processes(self) -> dict[int, str]:
-        """The command lines of those of them that are nodes, by process id."""
+        """The command lines of its nodes' processes, by process id."""
         return {pid: line for pid, line in self.processes().items() if "--ros-args" in line}
 
     def nodes(self) -> dict[str, int]:
-        """The process ids of the nodes that run in a process each, by name."""
+        """Process ids of the nodes that run in their own process, by name."""
         lines = self.ros_processes()
         return {name: pid for name in NODES for pid, line in lines.items() if f"/{name} " in line}
 
     def kill(self) -> None:
-        """Kills whatever is left of it."""
+        """Kills all its remaining processes."""
         self.popen.kill()
         self.popen.wait()
         for pid in self.processes():

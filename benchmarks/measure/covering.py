@@ -1,8 +1,8 @@
 """The tests that can notice a mutant: those that execute its line.
 
 Every test module runs once unchanged, in a process of its own. For a mutant only tests that execute its line run: first
-those of the module that mirrors the changed file, and its others, because a test may use what a cache holds; then those
-of other modules, of which those with the least to do come first.
+those of the module that mirrors the changed file, with that module's other tests, because a cache may hide the line
+from them; then those of other modules, beginning with the modules that have the least to run.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 
 from fbql_common.core.errors import BadInput
 
-from measure.rows import appended_rows, read_rows
+from measure.rows import read_rows, row_appender
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = Path("ros2_ws") / "src"
@@ -30,9 +30,9 @@ FORKED = Path(__file__).with_name("forked_pytest.py")
 PASSED, NO_TESTS = 0, 5
 """Exit codes of pytest."""
 SHARED = ""
-"""Name of what is executed outside of a test, such as by an import. See forked_pytest."""
+"""Name for code that runs outside of any test, such as in an import. See forked_pytest."""
 LEAST_S, FACTOR = 10.0, 5.0
-"""CPU time that a test may take with a change: LEAST_S, and so many times as much as without one."""
+"""CPU time that a test may take with a change: LEAST_S, plus FACTOR times what it takes without one."""
 
 
 START_S = 0.7
@@ -46,7 +46,7 @@ class Module:
     path: str
     test_cpu_s: Mapping[str, float]
     lines: Mapping[str, frozenset[tuple[str, int]]]
-    """By test, and of what is executed outside of them."""
+    """By test, and for code that runs outside of any test."""
 
     def covering(self, file: str, lines: frozenset[int]) -> list[str]:
         """The tests that execute one of the lines, quickest first."""
@@ -61,7 +61,7 @@ class Module:
         return sum(self.test_cpu_s[name] for name in names)
 
     def within(self, budget_s: float, names: Iterable[str]) -> Iterator[str]:
-        """The first of the tests, as many as the budget allows."""
+        """As many of the tests, from the first, as the budget allows."""
         for name in names:
             budget_s -= self.test_cpu_s[name]
             if budget_s < 0.0:
@@ -90,11 +90,11 @@ class Suite:
         self._changes = 0
 
     def run_unchanged(self, paths: Sequence[str], known: Path, told: Callable[[str], None]) -> None:
-        """Finds out what each of the modules executes, or knows it from an earlier study of the same sources, whose answers
-        are in the file `known`; appends what is new. Raises BadInput if a test fails."""
+        """Determines what each module executes, or reads it from `known`, where earlier studies of the same sources
+        stored it; appends what is new. Raises BadInput if a test fails."""
         common = _digest([*(self.place / SOURCES).rglob("*.py"), *(self.place / "tests" / "helpers").rglob("*.py")])
         answers = {row["digest"]: row["tests"] for row in read_rows(known)}
-        with appended_rows(known) as append:
+        with row_appender(known) as append:
             for number, path in enumerate(paths, start=1):
                 digest = f"{path} {common} {_digest([self.place / path])}"
                 if digest not in answers:
@@ -120,7 +120,7 @@ class Suite:
 
         original, times = path.read_text(), path.stat()
         path.write_text(source)
-        self._changes += 1  # a time of its own, lest the byte code of another source is taken for its
+        self._changes += 1  # a unique time: byte code of another version must not be used
         os.utime(path, (0, times.st_mtime + self._changes))
         try:
             for module in sorted(chosen, key=effort):

@@ -137,7 +137,7 @@ class Watcher:
     def _executed(self, code: Any, line: int) -> Any:
         if self._watched and code.co_filename.startswith(self._watched):
             self._lines[self._name].add((code.co_filename[len(self._watched) :].lstrip("/"), line))
-        return monitoring.DISABLE  # until somebody else is to be told of it
+        return monitoring.DISABLE  # until events are restarted for the next test
 
     def _limit(self, name: str) -> None:
         """Has the process killed when it takes more than the limit from now on."""
@@ -173,7 +173,8 @@ class Watcher:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: Any) -> Generator[None, Any, Any]:
-        """What a module's fixture executes for several tests, it executes for all; those of conftest.py are not noted."""
+        """Attributes what a fixture shared by several tests of a module executes to all of them; fixtures of
+        conftest.py are not noted."""
         if fixturedef.scope == "function":
             return (yield)
         with self._noting_for(SHARED if fixturedef.baseid == self._module else UNNOTED):

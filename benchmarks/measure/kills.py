@@ -48,7 +48,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from measure.command_process import LATE_S, NODES, CommandProcess
 from measure.graph import MODES, ROOT
-from measure.rows import appended_rows, read_rows
+from measure.rows import read_rows, row_appender
 
 PROGRAM = "kills.py"
 LAUNCHER = "bringup"
@@ -104,7 +104,7 @@ class Listener(CommandNode):
 
 
 class Ear:
-    """Hears the commands of a bring-up from when its domain is told."""
+    """Receives the commands of a bring-up from the moment its domain is known."""
 
     def __init__(self) -> None:
         self._listener: Listener | None = None
@@ -155,18 +155,18 @@ def run_once(plan: Plan) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as directory:
         bringup = Bringup(plan, Path(directory))
         try:
-            seen = _seen(plan, bringup)
+            seen = _observe(plan, bringup)
         finally:
             bringup.kill()
         return {**plan._asdict(), **seen}
 
 
-def _seen(plan: Plan, bringup: Bringup) -> dict[str, Any]:
+def _observe(plan: Plan, bringup: Bringup) -> dict[str, Any]:
     """Sends the signal when it is time, waits for the end, and checks everything."""
     with closing(Ear()) as ear:
         process = _process_in_time(plan, bringup, ear)
         if process is None:
-            return {"faults": [f"it never came to the signal: {bringup.stderr[-300:]}"]}
+            return {"faults": [f"the time for the signal never came: {bringup.stderr[-300:]}"]}
         sent_s = monotonic()
         with contextlib.suppress(ProcessLookupError):
             os.kill(process, signal.Signals[plan.signal])
@@ -188,7 +188,7 @@ def _seen(plan: Plan, bringup: Bringup) -> dict[str, Any]:
 
 
 def _process_in_time(plan: Plan, bringup: Bringup, ear: Ear) -> int | None:
-    """Waits until it is time for the signal; the process id of its target. None if it never came to that."""
+    """Waits until it is time for the signal. Returns the process id of its target; None if that time never came."""
     deadline = monotonic() + START_S
     begun_s = monotonic() if plan.phase == "start" else None
     while not bringup.has_ended and monotonic() <= deadline:
@@ -298,7 +298,7 @@ def main(argv: Sequence[str]) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     rows = [row for row in read_rows(arguments.out) if row["number"] < arguments.runs]
     done = {row["number"] for row in rows}
-    with appended_rows(arguments.out) as append:
+    with row_appender(arguments.out) as append:
         for number in range(arguments.runs):
             if number in done:
                 continue

@@ -3,8 +3,8 @@
 Every mutant is written into a private copy of the sources and tests, never into the checkout, and the tests that execute
 its line run against it until the first one fails: tests of the cores, and those of other packages that call a core in
 their own process. A mutant that uses up its time counts as noticed, one whose line no test executes does not. The
-results are appended to a file of JSON lines; the same command again continues where it stopped, and --again tries those
-that survived once more.
+results are appended to a file of JSON lines; the same command resumes where it stopped, and --again retries the
+survivors.
 
 A survivor is a missing test, or equivalent: no test could notice it. Those known to be equivalent are listed with the
 reason in measure/equivalent_mutants.json and are not counted.
@@ -31,7 +31,7 @@ from fbql_common.core.errors import BadInput
 
 from measure.covering import ROOT, SOURCES, Suite, private_suite
 from measure.mutation import Mutant, mutants_of
-from measure.rows import appended_rows, read_rows
+from measure.rows import read_rows, row_appender
 
 PROGRAM = "mutants.py"
 CORES = ("fbql_sim", "fbql_behaviors", "fbql_fusion", "fbql_common", "fbql_recording")
@@ -64,12 +64,12 @@ class Candidate:
     text: str
     """The line that the change begins in."""
     occurrence: int
-    """Number among those that are the same but for the line number."""
+    """Number among the mutants that differ only in their line number."""
     mutant: Mutant
 
     @property
     def key(self) -> Key:
-        """What identifies it in the results, also when lines above it are added."""
+        """Identifies it in the results, even after lines above it were added."""
         mutant = self.mutant
         return self.file, self.text, mutant.column, mutant.before, mutant.after, self.occurrence
 
@@ -82,7 +82,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=1, metavar="S", help="seed of the choice of mutants (1)")
     parser.add_argument("--core", choices=CORES, help="only mutants of this core (all)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="results (runs/mutants-sSEED.jsonl)")
-    parser.add_argument("--again", action="store_true", help="try those that survived once more, with the tests of now")
+    parser.add_argument("--again", action="store_true", help="retry the survivors with the current tests")
     parser.add_argument(
         "--budget",
         type=float,
@@ -106,7 +106,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def sample(cores: Sequence[str], seed: int) -> list[Candidate]:
-    """Every mutant of the cores in a random order, in which those that stay keep their places when others come or go."""
+    """Every mutant of the cores in a random order, which stays the same for the others when mutants are added or
+    removed."""
     return sorted(candidates(cores), key=lambda each: sha256(f"{seed} {each.key}".encode()).digest())
 
 
@@ -128,12 +129,12 @@ def candidates(cores: Iterable[str]) -> list[Candidate]:
 def study(
     chosen: Sequence[Candidate], out: Path, *, again: bool = False, budget_s: float = BUDGET_S
 ) -> list[dict[str, Any]]:
-    """The results for the chosen mutants; those that are not in the file yet, and if `again` those that survived, are
-    tried, and appended to it."""
+    """The results for the chosen mutants. Those not yet in the file, and with `again` the survivors, are tried and
+    appended."""
     done = {_key(row): row for row in read_rows(out)}
     todo = [each for each in chosen if each.key not in done or (again and not done[each.key]["noticed"])]
     if todo:
-        with private_suite() as suite, appended_rows(out) as append:
+        with private_suite() as suite, row_appender(out) as append:
             suite.run_unchanged(test_modules(), out.with_name(COVERAGE), _tell)
             for number, each in enumerate(todo, start=1):
                 row = tried(suite, each, budget_s)

@@ -1,7 +1,7 @@
 """The latency that the mux adds to velocity commands: 8 sources at 100 Hz, through real ROS on this machine's loopback.
 
-Three processes: the sources, the mux, and this one, which receives the commands of the source that drives twice: from the
-source itself, and through the mux. The difference between the two receptions is what the mux adds (`latency`). `through` is the
+Three processes: the sources, the mux, and this one, which receives each command of the driving source twice: directly,
+and through the mux. The difference between the two receptions is what the mux adds (`latency`). `through` is the
 time from sending to the reception through the mux. `decision_us` is the processor time that the rules take for one command.
 """
 
@@ -37,13 +37,13 @@ SOURCES = Path(__file__).with_name("mux_sources.py")
 COUNT = 8
 RATE_HZ = 100.0
 WARM_UP = 100
-"""Commands at the beginning that do not count."""
+"""Number of commands at the beginning that do not count."""
 PATIENCE_S = 60.0
 LOCKS = (Lock("pause", "pause", 0.0, 1), Lock("stop", "stop", 0.0, 255))
 
 
 class Sink(GraphNode):
-    """Receives commands twice, until `commands` of them came both ways."""
+    """Receives commands twice, until `commands` of them have arrived both ways."""
 
     def __init__(self, commands: int) -> None:
         super().__init__("sink")

@@ -1,4 +1,4 @@
-"""The results of a long study, one JSON object a line: read again where a study resumes, and appended as they come."""
+"""The results of a long study, one JSON object per line: read when a study resumes, and appended as they arrive."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Row = Mapping[str, Any]
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
-    """The rows of a file, none where there is no file; a line that was cut off is left out."""
+    """The rows of a file, or none if there is no file; a truncated line is left out."""
     rows: list[dict[str, Any]] = []
     if path.exists():
         for line in path.read_text().splitlines():
@@ -28,7 +28,7 @@ def read_rows(path: Path) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def appended_rows(path: Path) -> Generator[Callable[[Row], None]]:
+def row_appender(path: Path) -> Generator[Callable[[Row], None]]:
     """A function that appends a row, completely or not at all, and passes it to the operating system.
 
     Raises:

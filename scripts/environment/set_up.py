@@ -114,7 +114,7 @@ class SetUp:
         self.clear(self.target.venv)
         self.target.venv.mkdir()
         (self.target.venv / UNFINISHED).touch()
-        # With pip also where uv installs the locks: the documents name `python -m pip install` for the optional extras.
+        # With pip even if uv installs the locks: the documents name `python -m pip install` for the optional extras.
         options = [] if interpreter.has_ensurepip else ["--without-pip"]
         options += ["--system-site-packages"] if self.target.underlay else []
         self.run("venv", [interpreter.executable, "-m", "venv", *options, str(self.target.venv)], step)
@@ -263,7 +263,7 @@ class SetUp:
 
 
 def writable_cache(environ: Mapping[str, str]) -> bool:
-    """Whether the installers can keep what they download where the user's variables say."""
+    """Whether the installers can write to the cache that the user's variables name."""
     home = Path(environ.get("HOME") or os.devnull)
     cache = Path(environ.get("XDG_CACHE_HOME") or home / ".cache")
     try:
@@ -274,14 +274,14 @@ def writable_cache(environ: Mapping[str, str]) -> bool:
 
 
 def is_ours(path: Path) -> bool:
-    """Whether the set-up made the directory `path`: then one of its stamps is in it. An empty one is nobody's loss."""
+    """Whether the set-up made the directory `path`: then one of its stamps is in it. An empty one counts as ours."""
     if path.is_symlink() or not path.is_dir():
         return False
     return any((path / mark).exists() for mark in MARKS) or not any(path.iterdir())
 
 
 def remove(path: Path) -> None:
-    """Remove a directory that the set-up made. Its stamps are emptied first and go last: a removal that is cut short
+    """Remove a directory that the set-up made. Its stamps are emptied first and removed last: an interrupted removal
     leaves neither what looks like finished work nor what looks like somebody else's."""
     if not is_ours(path):
         return

@@ -1,4 +1,4 @@
-"""The benchmark of the mux tells what it says it tells; how fast things are is not a test's business."""
+"""The benchmark of the mux prints the figures that it promises; tests do not judge speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Whatever the environment variables hold: the set-up computes those of our processes, or says in one line what is wrong."""
+"""Whatever the environment variables hold: the set-up computes those of our processes, or reports the error in one
+line."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def test_four_behaviors_play_the_same_match_in_many_processes_in_one_and_without
         assert [nodes[name].get("observation", "") for name in NAMES] == ["", "", "", source]
 
 
-def test_in_one_process_it_plays_the_goals_that_are_asked_for_as_it_does_without_ros(
+def test_in_one_process_it_plays_the_requested_goals_as_it_does_without_ros(
     start: Start, trees: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ("--controller", "subsumption", *FOUR, "--goals", "1", "--seed", "4", "--json", "--trees", str(trees))

@@ -74,6 +74,6 @@ def test_parameters_of_a_group_are_declared_with_range_and_frozen(grouped):
         (["part.a.topic:=x"], "unknown parameter 'part.a.topic'"),
     ],
 )
-def test_what_is_wrong_in_a_group_is_said_with_the_full_name(grouped, arguments, reason):
+def test_an_error_in_a_group_names_the_full_parameter(grouped, arguments, reason):
     with pytest.raises(BadInput, match=f"partner: {reason}"):
         grouped(*(word for argument in arguments for word in ("-p", argument)))

@@ -81,7 +81,8 @@ def test_a_profile_that_is_not_there_is_set_aside_with_a_line(name: str) -> None
 def test_a_middleware_that_is_not_installed_is_set_aside_with_a_line() -> None:
     os.environ["RMW_IMPLEMENTATION"] = "rmw_nothing_cpp"
     (line,) = told()
-    assert line == "RMW_IMPLEMENTATION='rmw_nothing_cpp' is not installed (here is rmw_fastrtps_cpp): it is set aside"
+    reason = "RMW_IMPLEMENTATION='rmw_nothing_cpp' is not installed (installed: rmw_fastrtps_cpp)"
+    assert line == f"{reason}: it is set aside"
     assert profile() == "loopback.xml"
 
 

@@ -1,4 +1,4 @@
-"""Every executable of a node, started directly: what the environment gets wrong is one line and exit code 2."""
+"""Every executable of a node, started directly: an error in the environment is one line and exit code 2."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def test_every_package_of_nodes_has_an_executable_here() -> None:
 def test_a_middleware_that_is_not_installed_is_one_line(start_node: StartNode, package: str, name: str) -> None:
     line = only_line(start_node(package, name, RMW_IMPLEMENTATION="rmw_nothing\x1b_cpp"))
     assert line == (
-        r"RMW_IMPLEMENTATION='rmw_nothing\x1b_cpp' is not installed (here is rmw_fastrtps_cpp); "
-        "unset it, or install that one"
+        r"RMW_IMPLEMENTATION='rmw_nothing\x1b_cpp' is not installed (installed: rmw_fastrtps_cpp); "
+        "unset it, or install that middleware"
     )
 
 
@@ -51,13 +51,13 @@ def test_a_peer_that_can_not_be_found_is_one_line(start_node: StartNode, package
     assert line.endswith("correct it, or unset ROS_STATIC_PEERS")
 
 
-def test_a_discovery_server_that_is_none_is_one_line(start_node: StartNode) -> None:
+def test_an_invalid_discovery_server_is_one_line(start_node: StartNode) -> None:
     server = {"ROS_DISCOVERY_SERVER": "not-a-server:x", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
     line = only_line(start_node("fbql_sim", "simulator", **server))
     assert line.startswith("ROS_DISCOVERY_SERVER: 'not-a-server:x' can't be found (not HOST or HOST:PORT)")
 
 
-def test_an_interrupt_while_a_program_is_imported_is_no_traceback(tmp_path: Path) -> None:
+def test_an_interrupt_while_a_program_is_imported_prints_no_traceback(tmp_path: Path) -> None:
     (tmp_path / "slow.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
     code = "import sys; from fbql_common.start import start; sys.exit(start('slow', 'main'))"
     said = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -1,4 +1,4 @@
-"""The mux node: a file of twist_mux serves as it is, commands go through byte for byte, and what is wrong is one line."""
+"""The mux node: a file for twist_mux works unchanged, commands go through byte for byte, and an error is one line."""
 
 import math
 from time import monotonic
@@ -102,7 +102,7 @@ def test_a_command_that_is_not_finite_is_dropped_counted_and_no_sign_of_life(ben
 # Who drives
 
 
-def test_who_drives_is_published_for_those_who_come_late_too_and_logged(bench, tmp_path):
+def test_the_driving_source_is_published_for_late_subscribers_too_and_logged(bench, tmp_path):
     mux = OwnMux(bench, tmp_path)
     assert mux.drivers == [""]
     mux.send(NAV, SLOW)
@@ -169,7 +169,7 @@ def test_a_publisher_of_the_other_type_is_named(bench, other_bench, tmp_path):
 
 
 @pytest.mark.parametrize(("how", "zeros"), [("never", 0), ("once", 1)])
-def test_a_lock_that_stops_the_driver_makes_a_zero_go_out_if_that_is_asked_for(bench, tmp_path, how, zeros):
+def test_a_lock_that_stops_the_driver_makes_the_mux_publish_a_zero_if_requested(bench, tmp_path, how, zeros):
     mux = OwnMux(bench, tmp_path, TWO_SOURCES, "-p", f"zero_when_locked:={how}")
     mux.send(NAV, SLOW)
     for _ in range(3):
@@ -257,7 +257,7 @@ GOOD = entry()
         (GOOD + "    learn: true", "unknown parameter 'learn'"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_one_line_naming_the_node(bench, tmp_path, body, reason):
+def test_an_error_in_a_file_is_one_line_that_names_the_node(bench, tmp_path, body, reason):
     file = tmp_path / "twist_mux.yaml"
     file.write_text(f"/**/twist_mux:\n  ros__parameters:\n{body}\n")
     with pytest.raises(BadInput, match=f"^{bench.namespace}/twist_mux: {reason}") as refusal:
@@ -269,7 +269,7 @@ def test_priorities_out_of_range_and_0_are_warned_of(bench, tmp_path):
     OwnMux(
         bench, tmp_path, TWO_SOURCES.replace("priority: 100", "priority: 300").replace("priority: 10", "priority: 0")
     )
-    bench.until_said("joystick: priority 300 is limited to 0 to 255")
+    bench.until_said("joystick: priority 300 is clamped to 0 to 255")
     bench.until_said("navigation: a source of priority 0 never drives")
 
 

@@ -137,7 +137,7 @@ def test_a_file_put_together_again_is_as_it_was(recorded, contents, place):
     assert (run.is_complete, run.warnings) == (True, [])
 
 
-def test_whatever_a_sound_file_says_is_told_whole_or_said_to_be_left_out(contents, place):
+def test_whatever_a_sound_file_says_is_read_whole_or_reported_as_left_out(contents, place):
     path = place / "x.mcap"
     for number, rng in enumerate(dice(100)):
         names, odd, data = odd_contents(contents, rng)
@@ -150,7 +150,7 @@ def test_whatever_a_sound_file_says_is_told_whole_or_said_to_be_left_out(content
                 assert told_in(messages) == recorded_in(odd), (number, names)
 
 
-def test_whatever_a_sound_file_says_is_recovered_whole_or_said_to_be_lost(contents, place, monkeypatch):
+def test_whatever_a_sound_file_says_is_recovered_whole_or_reported_as_lost(contents, place, monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda _: None)
     path = place / "x.mcap"
     for number, rng in enumerate(dice(60)):

@@ -35,7 +35,7 @@ HOSTILE = {
     "COLUMNS": "wide",
     "LINES": "-1",
 }
-"""Variables that a command is told of, sets aside or works with, and that change no result."""
+"""Variables that a command reports, sets aside or works with, and that change no result."""
 _PERSONAL = ("ROS_DOMAIN_ID", "ROS_LOG_DIR", "ROS_HOME", "ROS_SECURITY_ENABLE", "ROS_AUTOMATIC_DISCOVERY_RANGE")
 _NAMESPACE = ("unshare", "--user", "--map-root-user", "--mount")
 

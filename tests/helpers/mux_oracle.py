@@ -1,8 +1,8 @@
-"""The rules of twist_mux 4, stated a second time: everything is worked out again from the whole history for each message.
+"""The rules of twist_mux 4, stated a second time: for each message everything is computed anew from the whole history.
 
 1. A priority counts as the nearest number from 0 to 255.
-2. Something with a timeout has expired when its last message is longer ago than the timeout, or when none has come; with a
-   timeout of 0 (or below) it never has.
+2. A source or lock with a timeout has expired when its last message is older than the timeout, or when none has come;
+   with a timeout of 0 or less it never expires.
 3. A lock is on if it has expired, or its last message said true.
 4. A source is masked if it has expired, or if some lock that is on has a higher priority than it.
 5. Of the sources that are not masked, and whose priority is not 0, one of the highest priority drives: the first by name.

@@ -1,5 +1,5 @@
 """Every command that writes, on real file systems with no room at all, a few KB, half and most of what it writes, and the
-same for the number of files (fault 78): one line, no traceback, and nothing left that is not whole."""
+same for the number of files (fault 78): one line, no traceback, and no partial files."""
 
 from __future__ import annotations
 
@@ -106,7 +106,9 @@ def reports_of(name: str, inputs: Path, disk: Path) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_full_disk_is_one_line_and_leaves_nothing_that_is_not_whole(name: str, inputs: Path, tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_in_one_line_and_leaves_no_partial_file(
+    name: str, inputs: Path, tmp_path: Path
+) -> None:
     if name == "report, figures":
         pytest.importorskip("pyarrow", reason="Parquet needs the extra studies")
     disk = tmp_path / "disk"

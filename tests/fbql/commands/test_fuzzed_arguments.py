@@ -1,4 +1,5 @@
-"""Whatever is typed behind a command: it is done, or refused in one line with exit code 2, and stdout is the result's."""
+"""Whatever is typed behind a command: it is done, or refused in one line with exit code 2, and stdout holds only the
+result."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ from recorded_match import record_match
 
 NUMBERS = ("0", "1", "2", "3", "-1", "1.5", "0.1", "1e3", "nan", "inf", "-inf", "1e-320", "1e400", "", "x", "0x1", "1_0", "\u0663",
            str(2**63), str(-(2**63)), str(10**30), "9" * 5000, " 1", "1 ", "+1", "true", "\ud800")  # fmt: skip
-"""None of them makes a command play for long where it counts something."""
+"""None of them, as a count, makes a command play for long."""
 PARAMETERS = (FusionParameters, SimulationParameters)
 SLOW = {"planning_sweeps", "replay_updates", "max_steps", "episodes", "goals", "guided"}
 """Parameters of --set that are not given odd values: of two sound runs one may take long."""
@@ -106,7 +107,7 @@ def words_for(
 
 
 def judge(code: int, words: list[str], out: str, err: str) -> None:
-    """What every command owes."""
+    """What every command must fulfil."""
     assert code in (0, 1, 2, 3), words
     assert all(line.isprintable() for line in [*out.splitlines(), *err.splitlines()]), words
     assert "Traceback" not in err, words
@@ -135,7 +136,7 @@ COMMANDS: dict[str, Callable[[list[str]], list[str]]] = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_any_words_behind_a_command_are_done_or_refused(things, tmp_path, monkeypatch, capsys, name):
+def test_any_arguments_of_a_command_are_done_or_refused(things, tmp_path, monkeypatch, capsys, name):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("fbql.cli.places.RUNS", tmp_path / "runs")
     monkeypatch.setattr("fbql.match.options.RUNS", tmp_path / "runs")
@@ -147,7 +148,7 @@ def test_any_words_behind_a_command_are_done_or_refused(things, tmp_path, monkey
         judge(code, words, *capsys.readouterr())
 
 
-def test_any_words_behind_bringup_are_a_match_or_refused(things, tmp_path, monkeypatch, capsys):
+def test_any_arguments_of_bringup_are_a_match_or_refused(things, tmp_path, monkeypatch, capsys):
     """All that is refused before there is a process; nothing is started."""
     from fbql.commands import bringup
 
@@ -169,7 +170,7 @@ def test_any_words_behind_bringup_are_a_match_or_refused(things, tmp_path, monke
         assert all(each.isprintable() for each in [*out.splitlines(), *err.splitlines()]), words
 
 
-def test_any_words_behind_experiment_are_tasks_or_refused(things, tmp_path, capsys):
+def test_any_arguments_of_experiment_are_tasks_or_refused(things, tmp_path, capsys):
     from fbql_studies import experiment
 
     parser = experiment.parser("experiment.py")

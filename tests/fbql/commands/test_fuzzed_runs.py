@@ -1,4 +1,4 @@
-"""Whatever a recorded run holds: each command does its work with it, says what is wrong, or refuses it in one line."""
+"""Whatever a recorded run holds: each command works with it, reports what is wrong, or refuses it in one line."""
 
 from __future__ import annotations
 

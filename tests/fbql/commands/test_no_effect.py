@@ -1,4 +1,4 @@
-"""An option that has no effect with what is asked for is reported in a line, by every command; one that has is not."""
+"""Every command reports each option that has no effect on what it was asked to do in one line, and no other option."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from recorded_match import record_match
 
 OWN = str(ROOT / "examples/shooting/shooting.py")
 TREE = str(ROOT / "examples/shooting/shooting.json")
-NOT_OWN = f"--observation has no effect: {OWN}:shooting is of behavior 'shooting', which no tree here has"
+NOT_OWN = f"--observation has no effect: {OWN}:shooting is for behavior 'shooting', which has no tree here"
 WITHOUT_RECOMPUTING = "--observation has no effect without --verify or --trees: no behavior is recomputed"
 SHIPPED = str(ROOT / "ros2_ws/src/fbql_behaviors/fbql_behaviors/trees")
 VERIFIED = "with --verify: nothing is published"

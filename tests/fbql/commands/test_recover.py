@@ -34,7 +34,7 @@ class Witness:
     """Another process that hears every command of a run, and when."""
 
     def __init__(self, run: Run) -> None:
-        run.until(lambda: run.domain_id is not None, "its domain is told")
+        run.until(lambda: run.domain_id is not None, "its domain is known")
         self._path = run.place / "commands.txt"
         self._popen = subprocess.Popen(
             [sys.executable, str(WITNESS), str(run.domain_id), str(self._path)],

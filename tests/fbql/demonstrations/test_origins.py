@@ -271,7 +271,7 @@ def test_where_the_recording_fails_the_copies_stay(kept: list[Kept], tmp_path: P
     assert len(load_demonstrations(directory / UNFINISHED, BEHAVIOR)) == len(kept)
 
 
-def test_a_copy_that_does_not_fit_is_said_and_leaves_nothing(kept: list[Kept], tmp_path: Path) -> None:
+def test_a_copy_that_does_not_fit_is_reported_and_leaves_nothing(kept: list[Kept], tmp_path: Path) -> None:
     keeping = safekeeping(tmp_path / "sitting")
     with largest_file(9000):
         said = keeping.keep(kept[0])

@@ -1,4 +1,4 @@
-"""Whatever arrives at a node while it runs: it goes on, and says in one line what it drops."""
+"""Whatever arrives at a node while it runs: it keeps running, and reports in one line what it drops."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def test_in_real_time_a_second_takes_a_second_and_ros_tools_see_everything(
     assert {message.header.frame_id for message in seen["/robot/pose"]} == {"field"}
 
 
-def test_a_machine_that_is_too_slow_is_told_in_the_result_and_in_the_summary(start: Start) -> None:
+def test_an_overload_is_reported_in_the_result_and_in_the_summary(start: Start) -> None:
     """6000 steps a second are asked for: an overload of any machine (fault 31)."""
     run = start("--processes", "one", "--realtime", "100", "--episodes", "1", "--max-steps", "600", "--seed", "3")
     assert run.exit_code() == 0, run.stderr

@@ -1,4 +1,4 @@
-"""The executables of this package. They import no ROS before `start` has looked at the environment."""
+"""The executables of this package. They do not import ROS until `start` has checked the environment."""
 
 from fbql_common.start import start
 
@@ -21,7 +21,7 @@ def approaching() -> int:
 
 
 def teleop() -> int:
-    """Drives a robot by the keys of a terminal."""
+    """Drives a robot from the keyboard of a terminal."""
     return start("fbql_behaviors.teleop_node", "main")
 
 

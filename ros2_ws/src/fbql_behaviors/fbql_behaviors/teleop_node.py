@@ -23,7 +23,7 @@ from fbql_common.wire import MESSAGES, encode_stamped_twist, encode_twist
 from fbql_behaviors.core.teleop import Teleop, TeleopParameters
 
 _ZEROS_S = 0.5
-"""How long zero commands go out after a release [s]: one alone may be lost."""
+"""How long zero commands are published after a release [s]: a single one may be lost."""
 _STRONG = "1"
 _KEYS = (
     ("up, w", "faster"),

@@ -63,7 +63,7 @@ def atomic_text(path: Path) -> Generator[TextIO]:
             yield text
         except BaseException:
             with suppress(OSError):
-                text.detach()  # else it would be written when it is collected
+                text.detach()  # otherwise it would be written when it is garbage-collected
             raise
         text.flush()
         text.detach()
@@ -71,8 +71,8 @@ def atomic_text(path: Path) -> Generator[TextIO]:
 
 @contextmanager
 def _named(path: Path, temporary: Path | None = None) -> Generator[None]:
-    """A context in which an OSError about a file names the path that the user knows. The system names none where a
-    write fails."""
+    """A context in which an OSError about a file names the path that the user knows. The system's error names no file
+    if a write fails."""
     try:
         yield
     except OSError as error:
@@ -106,8 +106,8 @@ def append_whole(fd: int, data: bytes) -> None:
 
 @contextmanager
 def output_directory(path: Path, *, is_ours: bool = False) -> Generator[None]:
-    """Makes a directory for output, and its parents. Where the writing inside of the context fails, those that were made
-    are removed again, unless somebody else has put something there.
+    """Makes a directory for output, and its parents. If writing inside the context fails, the directories that were
+    made are removed again, unless somebody else has put something there.
 
     Args:
         is_ours: whether a directory that was made is removed with everything in it.

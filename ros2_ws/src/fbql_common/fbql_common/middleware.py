@@ -73,7 +73,7 @@ def prepare_middleware(say: Callable[[str], None]) -> None:
 
 
 def prepare_node(say: Callable[[str], None]) -> None:
-    """`prepare_middleware` for a node that somebody starts by itself, whose range of discovery is up to them: where that is
+    """As `prepare_middleware`, for a node started by hand, whose user chooses the range of discovery: only if that is
     this machine. Raises BadInput if DDS-Security is requested, or a host that discovery needs can't be found."""
     refuse_security()
     local = os.environ.get(RANGE, "").upper() == "LOCALHOST" or os.environ.get("ROS_LOCALHOST_ONLY", "") not in (
@@ -157,7 +157,7 @@ def set_aside_absent_middleware(say: Callable[[str], None]) -> None:
 
 
 def absent_middleware() -> str:
-    """What is wrong with RMW_IMPLEMENTATION, in one line; empty where it names one that is installed, or none."""
+    """What is wrong with RMW_IMPLEMENTATION, in one line; empty if it is unset or names an installed middleware."""
     name = os.environ.get(_RMW, "")
     try:
         known = sorted(each for each in get_resources("rmw_typesupport") if each != "rmw_implementation")
@@ -165,7 +165,7 @@ def absent_middleware() -> str:
         return ""
     if not name or not known or name in known:
         return ""
-    return f"{_RMW}={name!r} is not installed (here is {', '.join(known)})"
+    return f"{_RMW}={name!r} is not installed (installed: {', '.join(known)})"
 
 
 def _refuse_unknown_hosts() -> None:

@@ -22,4 +22,4 @@ SYSTEM_QOS: QoSProfile = QoSPresetProfiles.SYSTEM_DEFAULT.value
 """The middleware's own defaults, with which twist_mux subscribes to its inputs."""
 
 LATCHED_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""For a state: whoever comes late gets the last message."""
+"""For a state: late subscribers get the last message."""

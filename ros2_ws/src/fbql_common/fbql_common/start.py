@@ -1,4 +1,4 @@
-"""How the program of a node starts: what has to be known before it imports ROS."""
+"""Starts a node's program, with the checks that must come before it imports ROS."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ BAD_INPUT, INTERRUPTED = 2, 130
 def start(module: str, function: str) -> int:
     """Runs the program `function` of a module that imports ROS. Returns its exit code.
 
-    Importing rclpy ends the process where the middleware that the user names is absent, and takes a second, in which
-    Ctrl-C would end in a traceback.
+    Importing rclpy ends the process if the middleware that the user names is absent, and takes a second, during which
+    Ctrl-C would print a traceback.
     """
     if problem := absent_middleware():
-        print(one_line(f"{problem}; unset it, or install that one"), file=sys.stderr)
+        print(one_line(f"{problem}; unset it, or install that middleware"), file=sys.stderr)
         return BAD_INPUT
     try:
         program = getattr(import_module(module), function)

@@ -31,15 +31,15 @@ def configure_mux(node: Node) -> MuxConfiguration:
     """Declares the parameters of a mux on its node, and reads them.
 
     Raises:
-        BadInput: as declare_all and declare_group; no source; a topic that is none, that two sources share, or that is the
-            output.
+        BadInput: as declare_all and declare_group; no source; a topic with an invalid name, one that two sources share,
+        or the mux's own output.
     """
     where = node.get_fully_qualified_name()
     (settings,) = declare_all(node, MuxParameters, groups={"topics": SourceParameters, "locks": LockParameters})
     sources = declare_group(node, "topics", SourceParameters, stamped=settings.use_stamped)
     locks = declare_group(node, "locks", LockParameters)
     try:
-        config = mux_config(settings, _resolved(node, "topics", sources), _resolved(node, "locks", locks))
+        config = mux_config(settings, _resolve(node, "topics", sources), _resolve(node, "locks", locks))
         _refuse_a_loop(config, node.resolve_topic_name(MUX_OUTPUT))
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
@@ -47,7 +47,7 @@ def configure_mux(node: Node) -> MuxConfiguration:
     return MuxConfiguration(config, settings.use_stamped, stamped)
 
 
-def _resolved[P: (SourceParameters, LockParameters)](node: Node, prefix: str, entries: Mapping[str, P]) -> dict[str, P]:
+def _resolve[P: (SourceParameters, LockParameters)](node: Node, prefix: str, entries: Mapping[str, P]) -> dict[str, P]:
     found: dict[str, P] = {}
     for name, entry in entries.items():
         try:
@@ -69,7 +69,7 @@ def _refuse_a_loop(config: MuxConfig, output: str) -> None:
 
 
 def log_mux(node: Node, configuration: MuxConfiguration, output: str) -> None:
-    """Logs what the mux does, and what in its parameters is likely a mistake."""
+    """Logs the mux's configuration, and likely mistakes in its parameters."""
     config, logger = configuration.config, node.get_logger()
     kind = "TwistStamped" if configuration.stamped_output else "Twist"
     order = ", ".join(f"{source.name} ({source.priority})" for source in config.sources)
@@ -77,7 +77,7 @@ def log_mux(node: Node, configuration: MuxConfiguration, output: str) -> None:
     logger.info(one_line(f"{kind} on {output}; sources (priority): {order}; locks: {locks}"))
     for entry in (*config.sources, *config.locks):
         if not 0 <= entry.priority <= HIGHEST:
-            logger.warning(one_line(f"{entry.name}: priority {entry.priority} is limited to 0 to {HIGHEST}"))
+            logger.warning(one_line(f"{entry.name}: priority {entry.priority} is clamped to 0 to {HIGHEST}"))
     for source in config.sources:
         if source.priority <= 0:
             logger.warning(one_line(f"{source.name}: a source of priority 0 never drives"))

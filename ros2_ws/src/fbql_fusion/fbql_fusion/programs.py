@@ -1,4 +1,4 @@
-"""The executables of this package. They import no ROS before `start` has looked at the environment."""
+"""The executables of this package. They do not import ROS until `start` has checked the environment."""
 
 from fbql_common.start import start
 

@@ -2,7 +2,8 @@
 
 Owns: the clock, who drives. Does not own: the rules (fbql_fusion.core.mux). Subscribes each
 `topics.NAME.topic` and `locks.NAME.topic`; publishes `cmd_vel_out`, `~/driver`, `/diagnostics`. Parameters: `MuxParameters`,
-`SourceParameters`, `LockParameters` (fbql_fusion.core.mux.parameters). A YAML file of twist_mux serves as it is (docs/mux.md).
+`SourceParameters`, `LockParameters` (fbql_fusion.core.mux.parameters). A YAML file for twist_mux works unchanged
+(docs/mux.md).
 """
 
 from __future__ import annotations
@@ -35,10 +36,10 @@ from fbql_fusion.mux_configuration import configure_mux, log_mux
 from fbql_fusion.mux_status import diagnostics_of
 
 _LOOK_PERIOD_S = 0.05
-"""How often the node looks for what no message tells of: that a source or a lock has expired [s]."""
+"""Period of the check for expired sources and locks, which no message announces [s]."""
 _DIAGNOSTICS_PERIOD_S = 1.0
 _SAY_PERIOD_NS = 1_000_000_000
-"""Shortest time between two lines of the log about who drives [ns]."""
+"""Shortest time between two log lines about the driving source [ns]."""
 _NOBODY = ""
 
 
@@ -82,7 +83,7 @@ class TwistMuxNode(GraphNode):
     # Messages
 
     def _now_ns(self) -> int:
-        """The time that ages are counted in: simulated time, or the steady clock, which nobody sets."""
+        """The time by which ages are measured: simulated time, or the steady clock, which is never set."""
         return self.get_clock().now().nanoseconds if self._has_sim_time else monotonic_ns()
 
     def _on_twist(self, index: int, twist: Twist, data: bytes) -> None:
@@ -113,7 +114,7 @@ class TwistMuxNode(GraphNode):
             self.get_logger().debug(one_line(f"{name}: {'on' if on else 'off'}, received at {now_ns}"))
 
     def _stamp(self, twist: Twist) -> bytes:
-        """A command that came, or comes, without a header."""
+        """Adds a header to a command without one, or to a zero."""
         return encode_stamped_twist(StampedTwist(self.get_clock().now().nanoseconds, self._frame, twist))
 
     def _stop_if_locked(self, now_ns: int) -> None:
@@ -143,7 +144,7 @@ class TwistMuxNode(GraphNode):
         dropped = [each.dropped for each in self._sources]
         snapshot = self._mux.snapshot(self._now_ns())
         self._diagnostics.publish(diagnostics_of(self.get_name(), snapshot, dropped, self.get_clock().now().to_msg()))
-        # One at a time: it takes long enough to be seen in the latency of commands.
+        # One input per call: checking all would add noticeable latency to commands.
         inputs = [*self._sources, *self._locks]
         each = inputs[self._checked % len(inputs)]
         self._checked += 1

@@ -115,7 +115,7 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
     def __init__(self, *, render_mode: str | None = None, **parameters: Any) -> None:
         if render_mode is not None:
             raise BadInput(
-                f"environment: render_mode is {quoted(render_mode)}, but there is no rendering: leave it out, or None"
+                f"environment: render_mode is {quoted(render_mode)}, but there is no rendering: omit it, or pass None"
             )
         self.render_mode = None
         values = {name: parameters.pop(name) for name in limits_of(EnvironmentParameters) if name in parameters}
@@ -194,7 +194,7 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
         return self.observe(world), reward, world.terminated, world.truncated, info
 
     def render(self) -> None:
-        """Nothing: there is no rendering, and Gymnasium's own `render` raises NotImplementedError."""
+        """Does nothing, because there is no rendering; Gymnasium's own `render` raises NotImplementedError."""
 
     def _running(self) -> World:
         """The latest world, of an episode that goes on."""

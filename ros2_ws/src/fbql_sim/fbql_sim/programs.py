@@ -1,4 +1,4 @@
-"""The executable of this package. It imports no ROS before `start` has looked at the environment."""
+"""The executable of this package. It does not import ROS until `start` has checked the environment."""
 
 from fbql_common.start import start
 

@@ -133,17 +133,17 @@ def all_orders(events: int) -> list[tuple[int, ...]]:
 
 
 @pytest.mark.parametrize("order", all_orders(3))
-def test_of_equals_the_first_by_name_drives_whoever_comes_first(order: tuple[int, ...]) -> None:
+def test_among_equals_the_first_by_name_drives_in_any_order_of_arrival(order: tuple[int, ...]) -> None:
     mux = mux_of(("a", 0.5, 10), ("b", 0.5, 10), ("c", 0.5, 10))
     for index in order:
         mux.hear(index, GO, 0)
     assert [mux.hear(index, GO, 1) for index in range(3)] == [True, False, False]
 
 
-# What it is told of
+# Snapshots
 
 
-def test_a_snapshot_tells_of_each_source_its_command_its_age_and_why_it_may_not_drive() -> None:
+def test_a_snapshot_has_each_sources_command_and_age_and_why_it_may_not_drive() -> None:
     mux = mux_of(
         ("dead", 0.1, 30),
         ("locked", 0.5, 5),
@@ -243,7 +243,7 @@ def stopping(how: str, **options: object) -> Mux:
     return mux
 
 
-def test_no_zero_is_due_unless_it_is_asked_for() -> None:
+def test_no_zero_is_due_unless_requested() -> None:
     mux = stopping("never")
     mux.hear_lock(0, True, 2)
     assert not mux.zero_due(2)
@@ -318,7 +318,7 @@ def test_the_mux_of_parameters_has_their_order_and_their_values() -> None:
     )
 
 
-def test_a_schedule_says_itself_when_it_fails() -> None:
+def test_random_schedules_are_reproducible_and_have_expiries_locks_and_ties() -> None:
     """The helper's own: schedules are reproducible, and have expiries, locks and ties."""
     assert random_schedule(np.random.default_rng(5)) == random_schedule(np.random.default_rng(5))
     schedules: list[Schedule] = [random_schedule(np.random.default_rng(seed)) for seed in range(100)]

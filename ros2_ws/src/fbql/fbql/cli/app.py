@@ -160,7 +160,7 @@ def _check_middleware() -> None:
 
 
 def _summary(name: str) -> str:
-    """One line about a command: of another package's, the first sentence of its docstring, written as ours are."""
+    """One line about a command; for one of another package, the first sentence of its docstring, in our style."""
     if name in COMMANDS:
         return COMMANDS[name].summary
     sentence = (_find(name).__doc__ or "").partition("\n")[0].partition(". ")[0].removesuffix(".")

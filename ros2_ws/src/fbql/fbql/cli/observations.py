@@ -45,4 +45,4 @@ def unused_observations(found: Mapping[str, str], behaviors: Collection[str]) ->
     """A line for each file that `register_observations` returned for a behavior other than these."""
     for behavior, source in found.items():
         if behavior not in behaviors:
-            yield f"--observation has no effect: {source} is of behavior '{behavior}', which no tree here has"
+            yield f"--observation has no effect: {source} is for behavior '{behavior}', which has no tree here"

@@ -52,10 +52,10 @@ def warn(warnings: Iterable[str]) -> None:
 
 
 def print_result(text: str) -> None:
-    """Prints on stdout, in one line or several of our own: what others named, and might
-    hold a newline, goes through `one_line` or `as_lines` before.
+    """Prints on stdout, in one line or several of our own: text from elsewhere, which might hold a newline, must go
+    through `one_line` or `as_lines` first.
 
-    A reader that left (`| head`, a closed terminal) is no error.
+    A reader that is gone (`| head`, a closed terminal) is not an error.
 
     Raises:
         Unwritable: the disk that stdout goes to is full.

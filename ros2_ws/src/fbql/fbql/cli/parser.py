@@ -55,7 +55,7 @@ def output_path(text: str) -> Path:
 
 
 def without_effect(arguments: argparse.Namespace, names: Iterable[str], why: str) -> Iterator[str]:
-    """A line for each of these options that was given, in a case where it has no effect.
+    """A line for each of these options that was given although it has no effect.
 
     Args:
         names: as attributes of `arguments`. None and False mean that an option was not given.

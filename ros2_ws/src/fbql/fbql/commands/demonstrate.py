@@ -171,7 +171,7 @@ def _check_usage(arguments: argparse.Namespace) -> None:
 
 
 def _unused(arguments: argparse.Namespace, sources: Mapping[str, str], behavior: str) -> Iterator[str]:
-    """The options that have no effect with what is done."""
+    """The options that have no effect on what was requested."""
     yield from unused_observations(sources, [behavior])
     how = ("realtime", "ascii")
     if not (arguments.keyboard or arguments.replay):

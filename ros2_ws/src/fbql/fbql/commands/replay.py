@@ -31,7 +31,7 @@ _ON_ROS = {
     "wait": 1.0,
     "watch": None,
 }
-"""The options of the republishing, and what they are where they are not given."""
+"""The options for republishing, with their defaults."""
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
@@ -119,7 +119,7 @@ def _only_names_code(arguments: argparse.Namespace) -> bool:
 
 
 def _unused(arguments: argparse.Namespace) -> Iterator[str]:
-    """The options that have no effect with what is done."""
+    """The options that have no effect on what was requested."""
     if arguments.verify or _is_what_if(arguments):
         mode = "--verify" if arguments.verify else "a change such as --set"
         yield from without_effect(arguments, _ON_ROS, f"with {mode}: nothing is published")

@@ -13,7 +13,7 @@ from fbql_common.core.errors import BadInput
 MAX_DOMAIN_ID = 232
 """The highest domain that has ports."""
 _MOST_DIGITS = 9
-"""Of a ROS_DOMAIN_ID with zeros in front; Python reads no number of more than 4300."""
+"""Limit for a ROS_DOMAIN_ID, leading zeros included; Python reads no number of more than 4300 digits."""
 _COORDINATED = range(1, 101)
 """The domains that domain_coordinator hands out."""
 

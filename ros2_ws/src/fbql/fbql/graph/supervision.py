@@ -281,7 +281,9 @@ class Supervision:
             if code == BAD_INPUT and process is self._started[-1] and not (self._out / CONFIG).exists():
                 said = process.tail().splitlines()
                 raise GraphFailed(
-                    said[-1] if said else f"{self._out}: the run can't begin, not even its log; make room there",
+                    said[-1]
+                    if said
+                    else f"{self._out}: the run can't begin: not even its log can be written; make room there",
                     is_refusal=True,
                 )
             what = f"node '{process.name}'" if self._mode.processes == "many" else "the process of all nodes"

@@ -105,8 +105,8 @@ def recorded_policy(run: Run) -> Policy | None:
 
 
 def what_is_lost(run: Run) -> str:
-    """What decisions can't be recomputed without, in words, where it was lost with a part of the recording; "" where
-    nothing of it was."""
+    """Says which input of the decisions was lost with a part of the recording, so that they can't be recomputed; "" if
+    none was."""
     if run.is_complete:
         return ""
     fusion = run.parameters.get("fusion")

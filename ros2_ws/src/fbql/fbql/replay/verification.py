@@ -90,7 +90,7 @@ class Verification(NamedTuple):
     resumed: str | None = None
     """The step after the first gap from which on everything was recomputed again, in words."""
     draws_as_recorded: int = 0
-    """Random draws of a driver after a gap that were taken as recorded: how many draws are lost is not known."""
+    """Random draws of a driver after a gap that were taken as recorded: the number of lost draws is unknown."""
     answers: int = 0
     """Answers that were recomputed."""
 
@@ -119,7 +119,7 @@ class _Verifier:
         self._session = session
         self._recorded = None if session is None else RecordedSession(session)
         self._drawing: Drawing | None = None
-        """The controller, once its draws are taken as recorded."""
+        """The controller, from when its draws are taken as recorded."""
         self._answers_made = 0
         self._made = behaviors
         self._world = _codec(run, "WorldState")

@@ -1,7 +1,7 @@
 """From keys to velocity commands of a robot with a differential drive.
 
-A terminal reports that a key is pressed, and repeats one that is held, but not that it is released. So each press changes
-the speed or the turn by a step, holding a key repeats that up to the limit, and both are 0 again when no more presses come.
+A terminal reports key presses, and repeats a held key, but does not report releases. So each press changes the speed or
+the turn rate by a step, holding a key repeats that up to the limit, and both return to 0 when presses stop.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ class TeleopParameters:
     """Parameters of the keyboard teleoperation."""
 
     max_linear_m_s: float = parameter(0.5, "highest speed, forwards and backwards", unit="m/s", low=0.01, high=20.0)
-    max_angular_rad_s: float = parameter(1.0, "strongest turn to either side", unit="rad/s", low=0.01, high=20.0)
-    steps: int = parameter(10, "presses from rest to the limit", low=1, high=100)
+    max_angular_rad_s: float = parameter(1.0, "highest turn rate, to either side", unit="rad/s", low=0.01, high=20.0)
+    steps: int = parameter(10, "key presses from rest to the limit", low=1, high=100)
     release_s: float = parameter(
         0.7,
         "keys count as released when none was pressed for this long; longer than the pause before a terminal repeats a key "
@@ -29,7 +29,8 @@ class TeleopParameters:
     )
     rate_hz: float = parameter(20.0, "commands per second", unit="1/s", low=1.0, high=200.0)
     publish_when_idle: bool = parameter(
-        False, "whether zero commands go out while no key is pressed; otherwise only for half a second after a release"
+        False,
+        "whether zero commands are published while no key is pressed; otherwise only for half a second after a release",
     )
     stamped: bool = parameter(False, "whether geometry_msgs/TwistStamped is published instead of geometry_msgs/Twist")
     frame: str = parameter("base_link", "frame of stamped commands")
@@ -51,7 +52,8 @@ class Teleop:
         self._driven_s = now_s
 
     def turn(self, side: int, now_s: float) -> None:
-        """Takes a press of a key for left (1) or right (-1). It keeps the speed up, because a terminal repeats one key alone."""
+        """Takes a press of a key for left (1) or right (-1). It also keeps the speed from dropping, because a terminal
+        repeats only one held key."""
         self._release(now_s)
         self._turn = self._limited(self._turn + side) if self._turn * side > 0 else side
         self._driven_s = self._turned_s = now_s

@@ -174,7 +174,7 @@ def _encode_string(value: object) -> bytes:
         raise TypeError(f"{value!r} is not a text")
     text = value.encode()
     if b"\0" in text:
-        raise TypeError(f"{value!r} has a null character, which ends a text")
+        raise TypeError(f"{value!r} contains a null character, which would end the text")
     return _LENGTH.pack(len(text) + 1) + text + b"\x00"
 
 

@@ -1,4 +1,4 @@
-"""What a robot can be told: the axes of a command, each with its unit and limits."""
+"""The commands that a robot takes: their axes, each with its unit and limits."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class Limits(NamedTuple):
     owners: tuple[str, ...] = ()
     """The parts that use it; empty: all of them."""
     required: bool = False
-    """Whether it must be given; its default then only tells the type."""
+    """Whether it must be given; its default then only determines its type."""
 
 
 def parameter(
@@ -88,7 +88,7 @@ def defaults_of(declaration: type[Any]) -> dict[str, Any]:
 
 def groups_among(names: Iterable[str], prefix: str) -> list[str]:
     """The groups PREFIX.NAME that parameters PREFIX.NAME.FIELD among `names` belong to, in the order in which
-    `list_parameters` of a C++ node lists its prefixes: parameters are sorted by their bytes there."""
+    `list_parameters` of a C++ node lists its prefixes: sorted by the bytes of the parameters."""
     found = [name.rpartition(".")[0] for name in sorted(names, key=str.encode) if name.startswith(f"{prefix}.")]
     return [group for group in dict.fromkeys(found) if group != prefix]
 

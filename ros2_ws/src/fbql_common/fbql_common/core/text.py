@@ -18,7 +18,8 @@ def one_line(text: object) -> str:
 
 
 def quoted(value: object) -> str:
-    """A value as Python writes it; what holds a whole number of more than 4300 digits, which Python refuses to, by its type."""
+    """The repr of a value; its type alone if it holds an integer of more than 4300 digits, which Python refuses to
+    print."""
     try:
         return repr(value)
     except ValueError:

@@ -78,7 +78,7 @@ class BehaviorOutput(NamedTuple):
     clamped: bool
     observation: tuple[float, ...]
     active = True
-    """Every answer is one to drive by; a behavior that has none sends nothing."""
+    """Always: a behavior that must not drive sends no answer."""
 
     @property
     def command(self) -> tuple[float, float]:

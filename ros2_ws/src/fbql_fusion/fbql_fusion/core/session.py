@@ -63,7 +63,7 @@ class Session[M: Moment, C, R]:
 
     Args:
         parameters: what is played.
-        task: what it is played for.
+        task: the task that is played.
         guide: drives the guided episodes.
         controller: decides in all others.
         policy: what an earlier run learned, to continue from.

@@ -33,8 +33,8 @@ class SoccerSession(Session[World, WheelCommand, EpisodeRecord]):
 
     @property
     def forgets_episodes(self) -> bool:
-        """Whether a decision depends on nothing before its episode, but for random draws (`drawing`): it does not learn.
-        What a user's own controller remembers is not known."""
+        """Whether decisions depend on nothing before their episode, except random draws (`drawing`): nothing is
+        learned. False for a user's own controller, because what it remembers is unknown."""
         return is_ours(self.parameters.controller) and not self.is_learning
 
     def summary(self, wall_s: float | None = None, messages_recorded: int = 0, incomplete: bool = False) -> Summary:

@@ -23,10 +23,10 @@ _PRIMITIVES = {
 _MAX_DEPTH = 8
 _MAX_FIELDS = 4096
 _MAX_CHARACTERS = 2**22
-"""Most text that is read, that of a contained message each time that it is contained: one without fields of its own could
-multiply without end."""
+"""Limit of the text that is read. A nested message counts each time it occurs: messages without fields of their own
+could multiply endlessly."""
 _VISIT_CHARACTERS = 80
-"""What a contained message counts beside its text."""
+"""What a nested message counts in addition to its text."""
 
 
 class MessageField(NamedTuple):
@@ -39,7 +39,7 @@ class MessageField(NamedTuple):
 
 
 def fields_of(type_name: str, schema: str) -> list[MessageField]:
-    """The fields of a message, those of contained messages in their place.
+    """The fields of a message, those of nested messages in their place.
 
     Args:
         type_name: pkg/msg/Name.
@@ -70,7 +70,7 @@ class _Reader:
         """Characters so far."""
 
     def fields(self, name: str, prefix: str = "", depth: int = 0) -> Iterator[MessageField]:
-        """The fields of a message, those of contained messages in their place. Raises BadInput."""
+        """The fields of a message, those of nested messages in their place. Raises BadInput."""
         if name not in self._texts:
             raise BadInput(f"the schema has no definition of {name}")
         if depth > _MAX_DEPTH:
@@ -78,7 +78,7 @@ class _Reader:
         text = self._texts[name]
         self._read += len(text) + _VISIT_CHARACTERS
         if self._read > _MAX_CHARACTERS:
-            raise BadInput(f"the schema, with messages in messages, has more than {_MAX_CHARACTERS} characters")
+            raise BadInput(f"the schema, nested messages included, has more than {_MAX_CHARACTERS} characters")
         for line in text.splitlines():
             match = _FIELD.match(line.split("#", 1)[0].strip())
             if match is None:

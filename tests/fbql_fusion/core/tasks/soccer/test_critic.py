@@ -33,7 +33,7 @@ def in_the_mirror(world: World) -> World:
 
 
 @given(worlds())
-def test_what_is_told_is_where_ball_and_robot_are_and_how_the_ball_rolls(world: World) -> None:
+def test_the_critic_sees_the_positions_of_ball_and_robot_and_the_balls_velocity(world: World) -> None:
     x, y, rx, ry = world.ball_x_m, world.ball_y_m, world.robot_x_m, world.robot_y_m
     assert critic_inputs(world, mirror=False) == (x, y, rx, ry, rx - x, ry - y, world.ball_vx_m_s, world.ball_vy_m_s)
     assert len(WIDTHS[0]) == 8
@@ -49,7 +49,7 @@ def test_the_tiles_have_these_widths() -> None:
 
 
 @given(worlds())
-def test_worlds_that_mirror_each_other_are_told_alike(world: World) -> None:
+def test_mirrored_worlds_have_the_same_critic_inputs(world: World) -> None:
     other = in_the_mirror(world)
     inputs = critic_inputs(world, mirror=True)
     assert inputs[1] >= 0.0
@@ -86,7 +86,7 @@ def test_a_key_is_that_of_a_tile(one: World, moved: list[float]) -> None:
     assert same == [a == b for a, b in zip(literal(one), literal(two), strict=True)]
 
 
-def test_no_tilings_are_no_keys() -> None:
+def test_zero_tilings_give_no_keys() -> None:
     assert critic_tilings(WIDTHS, 0).keys(critic_inputs(world_state(0, 0), mirror=True)) == []
 
 
@@ -132,7 +132,7 @@ def test_no_weight_depends_on_the_world_state() -> None:
 
 
 @pytest.mark.parametrize("mirror", [False, True])
-def test_what_is_kept_of_a_decision_is_what_was_told_then(mirror: bool) -> None:
+def test_a_decision_keeps_the_critic_inputs_of_its_own_moment(mirror: bool) -> None:
     """The keys of waiting episodes' last columns are those of the world states that were decided in, in the mirror's
     way where there is one."""
     session = SoccerSession(parameters(seed=1, fbql_mirror=mirror))
@@ -181,7 +181,7 @@ def test_an_episode_with_a_world_state_out_of_this_world_is_not_learned_from(sai
 
 
 @pytest.mark.parametrize("tilings", [0, 4])
-def test_it_learns_with_and_without_and_a_policy_says_which(tilings: int) -> None:
+def test_it_learns_with_and_without_critic_inputs_and_a_policy_records_which(tilings: int) -> None:
     changes = {"seed": 2, "fbql_world_tilings": tilings}
     session = SoccerSession(parameters(**changes))
     play(session, 160)

@@ -1,4 +1,4 @@
-"""The guide as a controller: it drives alone, always."""
+"""The guide as a controller, in every episode."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fbql_fusion.core.tasks.interface import Answers, Guide
 
 
 class Guided:
-    """Whoever the guide names drives alone.
+    """The behavior that the guide chooses drives alone.
 
     Args:
         behaviors: n.
@@ -27,5 +27,5 @@ class Guided:
         """Nothing is remembered from one step to the next."""
 
     def select(self, moment: Any, joint_state: JointState, answers: Answers) -> Selection:
-        """Weight 1 for the driver; nobody drives if the guide names nobody."""
+        """Weight 1 for the driver; all weights are 0 if the guide chooses none."""
         return self._selections[self._guide.driver(moment, answers)]

@@ -89,10 +89,10 @@ class Learner(Controller, Protocol):
 
 @runtime_checkable
 class Drawing(Protocol):
-    """A controller that draws drivers at random, and whose draws can be given to it: in a replay that does not know the
+    """A controller that draws drivers at random, but also accepts given draws: for a replay that does not know the
     state of its generator."""
 
     known_draw: int | None
-    """The driver that the next draw gives; None: it is drawn."""
+    """The result of the next draw; None: it is drawn at random."""
     draws_taken: int
-    """Number of draws that were given."""
+    """Number of draws whose result was given."""

@@ -1,1 +1,1 @@
-"""Who would drive without learning: the rules that a guide is made of."""
+"""The rules from which guides are made: which behavior would drive without learning."""

@@ -4,8 +4,7 @@ A feature is active or not. Each step has the same number of active features, an
 for the first time, so that memory grows with the visited situations and never with the product of the leaves. Nothing
 here knows what a behavior senses: the values are ranked among those of the first episodes (`Scales`).
 
-The weights depend on nothing else. The critic V, needed only while learning, may be told more
-by the task.
+The weights depend on nothing else. The critic V, needed only while learning, may also see inputs from the task.
 """
 
 from __future__ import annotations
@@ -130,7 +129,7 @@ class Resolution(NamedTuple):
     joint_tiles: int = 4
     """Tiles along each component of such a tiling."""
     world_tilings: int = 0
-    """Tilings of each group of what only the critic is told, `Task.critic_widths`."""
+    """Tilings of each group of the inputs that only the critic sees, `Task.critic_widths`."""
     mirror: bool = True
     """Whether situations that mirror each other share their tiles."""
 
@@ -145,7 +144,7 @@ class Features:
     Args:
         scales: of what is sensed.
         offsets: shift of each tiling along each component, in tiles, [tilings, d].
-        critic: tilings of what only the critic is told, `Task.critic_tilings`.
+        critic: tilings of the inputs that only the critic sees, see `critic_tilings`.
     """
 
     def __init__(

@@ -55,7 +55,7 @@ class Holding(NamedTuple):
     batch_episodes: int
     """Episodes in a batch, once it has grown to its full size."""
     world_tilings: int
-    """Tilings of each group of what only the critic is told, see `Resolution`."""
+    """Tilings of each group of the inputs that only the critic sees, see `Resolution`."""
 
 
 def _may_drive(answer: Answer | None) -> bool:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 FAR = 1e6
-"""Numbers from here on are not tiled without scales: no task means them, and their tiles could not be counted."""
+"""Numbers of at least this size are not tiled without scales: no task has meaningful ones, and their tiles could not be
+counted."""
 _CRITICS = 1_000_001
 """Keeps the keys of the critic's inputs different from those of the sensed values."""
 _WORD = (1 << 64) - 1
@@ -107,4 +108,4 @@ def splitmix64(count: int, first: int = 1) -> list[int]:
 
 
 NO_TILINGS = Tilings.of([], [], d=0, first=1)
-"""What a critic has that is told nothing more."""
+"""The tilings of a critic that sees nothing more."""

@@ -1,1 +1,1 @@
-"""Which of several sources of velocity commands drives: priorities, timeouts and locks, as twist_mux has them."""
+"""Which of several sources of velocity commands drives: priorities, timeouts and locks, as in twist_mux."""

@@ -10,17 +10,17 @@ from fbql_common.core.errors import BadInput
 from fbql_fusion.core.mux.parameters import NEVER, REPEAT, LockParameters, MuxParameters, SourceParameters
 
 HIGHEST = 255
-"""The highest priority; given ones are limited to 0 and this."""
+"""The highest priority; configured ones are clamped to 0 to this."""
 _NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
 class Source:
-    """Somebody who sends velocity commands.
+    """A sender of velocity commands.
 
     Attributes:
-        timeout_s: it drives no longer when it was silent for more than this [s]; 0 or less: it never expires.
-        priority: the highest drives; limited to 0 to 255, and 0 never drives.
+        timeout_s: it may not drive after being silent for longer than this [s]; 0 or less: it never expires.
+        priority: the highest drives; clamped to 0 to 255, and 0 never drives.
     """
 
     name: str
@@ -34,8 +34,8 @@ class Lock:
     """A switch that stops all sources below its priority.
 
     Attributes:
-        timeout_s: it is on when it was silent for more than this [s]; 0 or less: it never expires.
-        priority: limited to 0 to 255.
+        timeout_s: it is on after being silent for longer than this [s]; 0 or less: it never expires.
+        priority: clamped to 0 to 255.
     """
 
     name: str
@@ -46,14 +46,14 @@ class Lock:
 
 @dataclass(frozen=True)
 class MuxConfig:
-    """Sources and locks in order; of sources of equal priority the first drives.
+    """Sources and locks in order; among sources of equal priority the first drives.
 
     Attributes:
         zero_when_locked: NEVER, ONCE or REPEAT.
         zero_period_s: time between repeated zero commands [s].
 
     Raises:
-        BadInput: no source, two of one name, or two sources of one topic.
+        BadInput: no source, two with the same name, or two sources with the same topic.
     """
 
     sources: tuple[Source, ...]
@@ -83,7 +83,7 @@ class MuxConfig:
 
 
 def rank(entry: Source | Lock) -> int:
-    """Its priority within the limits."""
+    """Its priority, clamped."""
     return min(max(entry.priority, 0), HIGHEST)
 
 

@@ -4,7 +4,7 @@ These are the rules of ros-teleop/twist_mux 4 (docs/mux.md has them, with the fe
 it arrives, and only if its source is the winner at that moment. Nothing is kept to be passed on later, so no command is
 ever older than its source's timeout.
 
-There is no clock here: whoever calls tells the time, which may be any clock's [ns]. Age is counted from the reception.
+There is no clock here: the caller passes the time of any clock [ns]. Age is measured from reception.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class SourceState(NamedTuple):
 
     @property
     def can_drive(self) -> bool:
-        """Whether there is a command of it that may be passed on."""
+        """Whether it has a command that may be passed on."""
         return self.command is not None and not self.masked and rank(self.source) > 0
 
 
@@ -47,7 +47,7 @@ class LockState(NamedTuple):
     lock: Lock
     on: bool
     expired: bool
-    """If it is on for this reason, then because it was silent for too long."""
+    """Whether it has been silent for too long, which also turns it on."""
 
 
 class Snapshot(NamedTuple):
@@ -94,10 +94,10 @@ class Mux:
         self._last: int | None = None
         """The source whose command was passed on last."""
         self._zero_ns: int | None = None
-        """When a zero command was given out since then."""
+        """When the last zero command since then was due; None before the first."""
 
     def hear(self, index: int, command: Twist, now_ns: int) -> bool:
-        """Takes a command of source `index`, received now. True: pass it on; False: don't."""
+        """Takes a command of source `index`, received now. Returns whether to pass it on."""
         source = self._sources[index]
         source.heard_ns, source.command = now_ns, command
         if self.winner(now_ns) != index:
@@ -150,7 +150,7 @@ class Mux:
         return True
 
     def snapshot(self, now_ns: int) -> Snapshot:
-        """Everything at this moment, for whoever decides at times of their own."""
+        """The state at this moment, for callers that decide at their own times."""
         lock_priority = self.lock_priority(now_ns)
         sources = tuple(
             SourceState(

@@ -14,7 +14,7 @@ class MuxParameters:
     """Parameters of the whole mux."""
 
     use_stamped: bool = parameter(
-        False, "whether the sources send, and the output is, geometry_msgs/TwistStamped instead of geometry_msgs/Twist"
+        False, "whether sources and output are geometry_msgs/TwistStamped instead of geometry_msgs/Twist"
     )
     zero_when_locked: str = parameter(
         NEVER,
@@ -33,16 +33,20 @@ class SourceParameters:
 
     topic: str = parameter("", "topic of its velocity commands", required=True)
     timeout: float = parameter(
-        0.0, "a source that was silent for longer than this does not drive; 0: never", unit="s", required=True
+        0.0,
+        "a source that has been silent for longer than this does not drive; 0: it never expires",
+        unit="s",
+        required=True,
     )
     priority: int = parameter(
         0,
-        "the highest drives, of equals the one whose name is first in alphabetical order; limited to 0 to 255; a source "
+        "the highest drives, among equals the first by name in alphabetical order; clamped to 0 to 255; a source "
         "of priority 0 never drives",
         required=True,
     )
     stamped: bool = parameter(
-        False, "whether it sends geometry_msgs/TwistStamped instead of geometry_msgs/Twist; without it as use_stamped"
+        False,
+        "whether it sends geometry_msgs/TwistStamped instead of geometry_msgs/Twist; if not given, as use_stamped",
     )
 
 
@@ -52,8 +56,11 @@ class LockParameters:
 
     topic: str = parameter("", "topic of its std_msgs/Bool: true turns it on, false off", required=True)
     timeout: float = parameter(
-        0.0, "a lock that was silent for longer than this is on; 0: it keeps its last state", unit="s", required=True
+        0.0,
+        "a lock that has been silent for longer than this is on; 0: it keeps its last state",
+        unit="s",
+        required=True,
     )
     priority: int = parameter(
-        0, "while it is on, sources of a lower priority do not drive; limited to 0 to 255", required=True
+        0, "while it is on, sources of a lower priority do not drive; clamped to 0 to 255", required=True
     )

@@ -1,4 +1,4 @@
-"""What fusion knows of a task: that there are moments, answers, a reward and outcomes. It does not know which task it is.
+"""A task as fusion sees it: moments, answers, a reward and outcomes. Which task it is, fusion does not know.
 
 Soccer is one task (`core.tasks.soccer`); a task of your own implements `Task`, and gets sessions, learners and policies.
 """
@@ -105,12 +105,12 @@ class Guide(Protocol):
 
 
 class Task[M: Moment, C, R](Protocol):
-    """What a session is played for. It is told of every moment in order; M: its moments, C: its commands as they are
+    """What a session plays. It receives every moment in order. M: its moments, C: its commands as they are
     published, R: its records of episodes."""
 
     @property
     def space(self) -> CommandSpace:
-        """What the robot can be told."""
+        """The commands that the robot takes."""
         ...
 
     def begin_episode(self) -> None:
@@ -134,13 +134,13 @@ class Task[M: Moment, C, R](Protocol):
         ...
 
     def critic_inputs(self, moment: M, mirror: bool, /) -> tuple[float, ...]:
-        """What only the critic is told of a moment, beside what the behaviors sense; needed only while learning."""
+        """Inputs that only the critic sees, in addition to what the behaviors sense; needed only while learning."""
         ...
 
     @property
     def critic_widths(self) -> tuple[tuple[float, ...], ...]:
         """How the critic's inputs are tiled: for each group of them the width of a tile along each component, 0 where the
-        group leaves it out. Empty: the critic is told nothing more."""
+        group leaves it out. Empty: the critic sees nothing more."""
         ...
 
     def record(self, episode: Episode, moment: M, /) -> R:

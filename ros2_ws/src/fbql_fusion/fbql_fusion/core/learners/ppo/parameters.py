@@ -36,7 +36,7 @@ class FbqlParameters(FeatureParameters):
     )
     fbql_world_tilings: int = parameter(
         4,
-        "tilings of what only the critic of fbql is told (in soccer the positions of ball and robot, and the ball's velocity), "
+        "tilings of what only the critic of fbql sees (in soccer the positions of ball and robot, and the ball's velocity), "
         "in addition to what the behaviors sense; needed only while learning, no weight depends on them; 0: the critic sees "
         "only what the behaviors sense",
         low=0,

@@ -1,4 +1,4 @@
-"""What only the critic is told of soccer: the world state. It makes the critic asymmetric.
+"""The inputs that only soccer's critic sees: the world state. They make the critic asymmetric.
 
 Asymmetric actor-critic (Pinto et al. 2018, arXiv 1710.06542): V is needed only while learning, so it may see inputs on
 which the weights must not depend: where ball and robot are, and how the ball rolls. `fbql_world_tilings` 0 leaves them

@@ -1,4 +1,4 @@
-"""The parameters of soccer as a task: what is rewarded, and how long is played."""
+"""The parameters of soccer as a task: the rewards, and how long to play."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fbql_fusion.core.controllers.parameters import SessionParameters
 
 @dataclass(frozen=True)
 class SoccerParameters(SessionParameters):
-    """What every controller of soccer has."""
+    """Parameters of every soccer controller."""
 
     goals: int = parameter(0, "goals after the guided episodes; 0: no limit", low=0)
 
