@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 from commands import compare as main
+from commands import train
 from fbql.report.comparison import FEW_RUNS, RunResult, groups_of, name_of, pairs_of, result_of
 from fbql.statistics.inference import ratio_of_sums
 from fbql_behaviors.core.tree import Leaf, Tree
@@ -165,3 +166,41 @@ def test_an_incomplete_recording_exits_with_3(runs, tmp_path, capsys):
     found = compared(capsys, runs["one"], unfinished, code=3)
     assert [run["complete"] for run in found["runs"]] == [True, False]
     compared(capsys, runs["one"], unfinished, "--allow-incomplete")
+
+
+def test_a_run_that_was_not_recorded_is_compared_with_one_that_was(tmp_path, capsys):
+    options = ("--controller", "subsumption", "--episodes", "2", "--max-steps", "450", "--json")
+    for name, seed in (("one", 1), ("two", 2)):
+        assert train([*options, "--seed", str(seed), "--out", str(tmp_path / name)]) == 0
+    recorded = record_match(tmp_path / "recorded", max_steps=450, episodes=2, seed=1)
+    capsys.readouterr()
+    found = compared(capsys, tmp_path / "one", tmp_path / "two", recorded)
+    one, _, same = found["runs"]
+    keys = ("episodes", "goals", "own_goals", "timeouts", "cost_per_goal", "collisions", "digest", "complete")
+    assert [one[key] for key in keys] == [same[key] for key in keys]
+    assert found["kinds"][0]["runs"] == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("episodes.csv", "index,phase\n0,learning\n", "episodes.csv has no such rows"),
+        ("summary.json", "[", "summary.json: not JSON"),
+        ("summary.json", None, "summary.json is not there, and there is no recording"),
+        ("config.yaml", "a: 1", "config.yaml has no parameters"),
+    ],
+)
+def test_files_that_are_not_those_of_a_run_are_one_line(name, text, says, tmp_path, capsys):
+    for each in ("one", "two"):
+        assert (
+            train(
+                ["--controller", "subsumption", "--episodes", "1", "--max-steps", "60", "--out", str(tmp_path / each)]
+            )
+            == 0
+        )
+    (tmp_path / "two" / name).unlink()
+    if text is not None:
+        (tmp_path / "two" / name).write_text(text)
+    capsys.readouterr()
+    assert main([str(tmp_path / "one"), str(tmp_path / "two")]) == 2
+    assert says in capsys.readouterr().err.splitlines()[-1]

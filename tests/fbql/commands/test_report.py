@@ -241,6 +241,14 @@ def test_the_same_recording_gives_the_same_page(run, tmp_path):
     assert first.read_bytes() == second.read_bytes()
 
 
+def test_the_title_is_the_name_of_the_run_also_from_inside_of_it(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(run)
+    assert main([".", "--out", str(tmp_path / "here.html")]) == 0
+    text = (tmp_path / "here.html").read_text(encoding="utf-8")
+    assert f"<title>{run.name}: what happened and why</title>" in text
+    assert "time limit" not in text, "an episode that ran out of time is a timeout, in every place"
+
+
 def test_a_page_is_only_replaced_by_force(run, capsys):
     assert main([str(run)]) == 0
     before = (run / "report.html").read_bytes()

@@ -44,6 +44,9 @@ class BehaviorNodeParameters:
     )
 
 
+PARAMETERS = (BehaviorNodeParameters,)
+
+
 class BehaviorNode(GraphNode):
     """One behavior, with the shipped tree for `behavior_name`, or the one in `tree_file`."""
 

@@ -35,6 +35,9 @@ _KEYS = (
 )
 
 
+PARAMETERS = (TeleopParameters,)
+
+
 class TeleopNode(GraphNode):
     """A person at a terminal drives a robot."""
 

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from pathlib import Path
 
 from fbql_common.core.text import one_line
 from fbql_common.middleware import absent_middleware
+from fbql_common.node_help import asks_for_help, help_text
 
-BAD_INPUT, INTERRUPTED = 2, 130
+DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
 
 
 def start(module: str, function: str) -> int:
-    """Runs the program `function` of a module that imports ROS. Returns its exit code.
+    """Runs the program `function` of a module that imports ROS, or prints its help. Returns the exit code.
+
+    The module has the declarations of its node's parameters as PARAMETERS.
 
     Importing rclpy ends the process if the middleware that the user names is absent, and takes a second, during which
     Ctrl-C would print a traceback.
@@ -21,7 +25,11 @@ def start(module: str, function: str) -> int:
         print(one_line(f"{problem}; unset it, or install that middleware"), file=sys.stderr)
         return BAD_INPUT
     try:
-        program = getattr(import_module(module), function)
+        home = import_module(module)
     except KeyboardInterrupt:
         return INTERRUPTED
+    if asks_for_help(sys.argv[1:]):
+        print(help_text(Path(sys.argv[0]).name, home.__doc__ or "", home.PARAMETERS))
+        return DONE
+    program = getattr(home, function)
     return program()

@@ -33,6 +33,7 @@ from rclpy.clock_type import ClockType
 
 from fbql_fusion.controller_loading import register_installed, resolve_controller
 from fbql_fusion.core.assembly import Arrival, PendingStep, StepAssembly
+from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.episodes import Episodes
@@ -44,6 +45,9 @@ from fbql_fusion.status import Status
 _CHECK_PERIOD_S = 0.02
 _SAY_PERIOD_S = 5.0
 """How often the node reports what it waits for [s]."""
+
+
+PARAMETERS = (FusionNodeParameters, FusionParameters)
 
 
 class FusionNode(GraphNode):

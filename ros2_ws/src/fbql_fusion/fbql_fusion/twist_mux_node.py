@@ -32,6 +32,7 @@ from rclpy.logging import LoggingSeverity
 from std_msgs.msg import String
 
 from fbql_fusion.core.mux.mux import Mux
+from fbql_fusion.core.mux.parameters import MuxParameters
 from fbql_fusion.mux_configuration import configure_mux, log_mux
 from fbql_fusion.mux_status import diagnostics_of
 
@@ -41,6 +42,9 @@ _DIAGNOSTICS_PERIOD_S = 1.0
 _SAY_PERIOD_NS = 1_000_000_000
 """Shortest time between two log lines about the driving source [ns]."""
 _NOBODY = ""
+
+
+PARAMETERS = (MuxParameters,)
 
 
 class TwistMuxNode(GraphNode):

@@ -67,6 +67,9 @@ class SimulatorNodeParameters:
     )
 
 
+PARAMETERS = (SimulatorNodeParameters, SimulationParameters)
+
+
 class SimulatorNode(GraphNode):
     """The robot soccer field as a node."""
 

@@ -20,7 +20,18 @@ from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import LiveLine, complain, print_result, warn, writing
 from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path, without_effect
 from fbql.cli.words import counted
-from fbql.report.comparison import MEASURES, Group, Pair, RunResult, groups_of, name_of, pairs_of, result_of
+from fbql.report.comparison import (
+    MEASURES,
+    Group,
+    Pair,
+    RunResult,
+    groups_of,
+    has_no_recording,
+    name_of,
+    pairs_of,
+    result_of,
+    result_without_recording,
+)
 from fbql.report.texts import plain
 from fbql.statistics.tables import rows_as_text
 
@@ -29,7 +40,7 @@ def parser(program: str) -> Parser:
     """The command line."""
     command = Parser(
         prog=program,
-        description="Compares recorded runs. Runs with the same controller, trees, policy and parameters are grouped over "
+        description="Compares runs, also those of train, which are not recorded. Runs with the same controller, trees, policy and parameters are grouped over "
         "their seeds, with 95 % confidence intervals; everything else that differs is listed.",
         epilog="Exit codes: 0 done; 1 failed; 2 bad input; 3 done, but a recording is incomplete.",
     )
@@ -73,9 +84,13 @@ def _read(paths: Sequence[Path], skip_corrupt: bool, interrupts: Interrupts) -> 
         for path in paths:
             interrupts.check("nothing was compared")
             line.show(f"reading {path.name}, {len(results) + 1} of {len(paths)}")
-            run = open_run(path, skip_corrupt=skip_corrupt)
-            results.append(replace(result_of(run), name=plain(name_of(path, paths))))
-            warnings += run.warnings
+            if has_no_recording(path):
+                result = result_without_recording(path)
+            else:
+                run = open_run(path, skip_corrupt=skip_corrupt)
+                result = result_of(run)
+                warnings += run.warnings
+            results.append(replace(result, name=plain(name_of(path, paths))))
     return results, warnings
 
 

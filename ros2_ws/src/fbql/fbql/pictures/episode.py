@@ -184,7 +184,7 @@ def _moving(worlds: Sequence[World]) -> str:
 
 def _legend(worlds: Sequence[World], decisions: Sequence[Decision]) -> str:
     end = worlds[-1]
-    outcome = "goal" if end.goal else "own goal" if end.own_goal else "time limit"
+    outcome = "goal" if end.goal else "own goal" if end.own_goal else "timeout"
     seconds = (end.stamp_ns - worlds[0].stamp_ns) / 1e9
     y = SCALE * (FIELD.half_width_m + 0.09)
     x = -SCALE * FIELD.half_length_m

@@ -6,19 +6,24 @@ episodes, and those whose end was not recorded, are not counted.
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fbql_behaviors.storage import tree_from_bytes
 from fbql_common.core import recording_names
 from fbql_common.core.errors import BadInput
+from fbql_common.core.plain_json import json_from
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.node_parameters import FusionNodeParameters
+from fbql_recording.plain_yaml import mapping_from_yaml
 from fbql_recording.run import Run
+from fbql_recording.run_files import read_inside
 
 from fbql.report.contents import counted
 from fbql.report.texts import plain, value_text
@@ -116,13 +121,96 @@ def _finite(value: float) -> float | None:
 
 def result_of(run: Run) -> RunResult:
     """Reads a run to its end. Raises Corrupt."""
-    episodes = [episode for episode in counted(run.episodes()) if episode.outcome is not None]
+    episodes = [
+        _Ended(episode.outcome, episode.steps, episode.collisions_begun or 0, episode.collision_steps or 0)
+        for episode in counted(run.episodes())
+        if episode.outcome is not None
+    ]
+    digest = (run.summary or {}).get("digest")
+    return _result(run.path.name, run.parameters, run.attachments, episodes, digest, run.is_complete)
+
+
+def has_no_recording(directory: Path) -> bool:
+    """Whether this is the directory of a run that was not recorded, such as one of train."""
+    return (directory / "episodes.csv").is_file() and not any(directory.glob("*.mcap*"))
+
+
+def result_without_recording(directory: Path) -> RunResult:
+    """Reads the directory of a run that was not recorded. Raises BadInput for files that are not those of a run."""
+    config = mapping_from_yaml(_inside(directory, "config.yaml"), f"{directory}: config.yaml")
+    try:
+        summary = json_from(_inside(directory, "summary.json"))
+    except BadInput as error:
+        raise BadInput(f"{directory}: summary.json: {error}") from None
+    if not isinstance(summary, dict):
+        raise BadInput(f"{directory}: summary.json is not one object")
+    parameters = config.get("parameters")
+    if not isinstance(parameters, Mapping):
+        raise BadInput(f"{directory}: config.yaml has no parameters")
+    simulator = parameters.get("simulator")
+    if isinstance(simulator, Mapping):
+        # A match in one process is that of the graph in lockstep, which names its speed: 0.
+        parameters = {**parameters, "simulator": {"realtime": 0.0, **simulator}}
+    files = {f"{recording_names.TREES}{path.name}": path for path in sorted((directory / "trees").glob("*.json"))}
+    fusion = parameters.get("fusion")
+    policy = fusion.get("policy") if isinstance(fusion, Mapping) else None
+    if isinstance(policy, str) and policy:
+        files[recording_names.POLICY_BEFORE] = Path(policy)
+    attachments = {name: path.read_bytes() for name, path in files.items() if path.is_file()}
+    digest = summary.get("digest")
+    return _result(
+        directory.name,
+        parameters,
+        attachments,
+        _ended_in(directory),
+        digest if isinstance(digest, str) else None,
+        summary.get("incomplete") is not True,
+    )
+
+
+class _Ended(NamedTuple):
+    """An episode that ended, and counts."""
+
+    outcome: str
+    steps: int
+    collisions: int
+    contact_steps: int
+
+
+def _inside(directory: Path, name: str) -> bytes:
+    data = read_inside(directory, name)
+    if data is None:
+        raise BadInput(f"{directory}: {name} is not there, and there is no recording")
+    return data
+
+
+def _ended_in(directory: Path) -> list[_Ended]:
+    """The episodes of an episodes.csv that count."""
+    try:
+        rows = list(csv.DictReader(io.StringIO(_inside(directory, "episodes.csv").decode())))
+        return [
+            _Ended(row["outcome"], int(row["steps"]), int(row["collisions_begun"]), int(row["collision_steps"]))
+            for row in rows
+            if row["phase"] != "guided"
+        ]
+    except (ValueError, KeyError, TypeError, csv.Error) as error:
+        raise BadInput(f"{directory}: episodes.csv has no such rows ({error!r})") from None
+
+
+def _result(
+    name: str,
+    parameters: Mapping[str, Any],
+    attachments: Mapping[str, bytes],
+    episodes: Sequence[_Ended],
+    digest: str | None,
+    is_complete: bool,
+) -> RunResult:
     outcomes = [episode.outcome for episode in episodes]
-    fusion = run.parameters.get("fusion", {})
+    fusion = parameters.get("fusion", {})
     seed = fusion.get(_SEED) if isinstance(fusion, Mapping) else None
-    setting = _setting(run)
+    setting = _setting(parameters, attachments)
     return RunResult(
-        plain(run.path.name),
+        plain(name),
         setting["controller"],
         seed if isinstance(seed, int) else None,
         setting,
@@ -132,22 +220,22 @@ def result_of(run: Run) -> RunResult:
             "own_goals": outcomes.count("own_goal"),
             "timeouts": outcomes.count("timeout"),
             "steps": sum(episode.steps for episode in episodes),
-            "collisions": sum(episode.collisions_begun or 0 for episode in episodes),
-            "contact_steps": sum(episode.collision_steps or 0 for episode in episodes),
+            "collisions": sum(episode.collisions for episode in episodes),
+            "contact_steps": sum(episode.contact_steps for episode in episodes),
         },
-        (run.summary or {}).get("digest"),
-        run.is_complete,
+        digest,
+        is_complete,
     )
 
 
-def _setting(run: Run) -> dict[str, str]:
+def _setting(of_nodes: Mapping[str, Any], attachments: Mapping[str, bytes]) -> dict[str, str]:
     """What defines the group of a run, by name. A hash stands for a file."""
     setting = {"controller": "n/a"}
     for node, left_out in _LEFT_OUT.items():
-        parameters = run.parameters.get(node)
+        parameters = of_nodes.get(node)
         if isinstance(parameters, Mapping):
             setting |= {plain(name): value_text(value) for name, value in parameters.items() if name not in left_out}
-    for name, data in sorted(run.attachments.items()):
+    for name, data in sorted(attachments.items()):
         if name.startswith(recording_names.TREES):
             tree = name.removeprefix(recording_names.TREES).removesuffix(".json")
             setting[plain(f"{TREE}{tree}")] = _tree_hash(data)

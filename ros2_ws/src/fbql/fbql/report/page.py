@@ -26,7 +26,7 @@ from fbql.report.texts import CONTROLLERS, FEATURES, NOT_AVAILABLE, html, json_f
 ASSETS = Path(__file__).parent / "assets"
 PROGRAM = ("data.js", "surface.js", "field.js", "moment.js", "timelines.js", "player.js", "main.js")
 """In the order of their dependencies."""
-OUTCOMES = {"goal": ("●", "goal"), "own_goal": ("✕", "own goal"), "timeout": ("◆", "time limit")}
+OUTCOMES = {"goal": ("●", "goal"), "own_goal": ("✕", "own goal"), "timeout": ("◆", "timeout")}
 """A sign and a word: never a colour alone."""
 
 
@@ -49,7 +49,7 @@ def write_page(run: Run, out: TextIO, progress: Callable[[int], None]) -> Conten
         before, after = page.substitute(
             policy=f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(program)}'",
             style=style,
-            title=html(run.path.name),
+            title=html(run.path.resolve().name),  # `.` has a name too
             headline=_headline(contents),
             tiles=tiles(contents),
             warnings=_warnings(contents),
@@ -100,7 +100,7 @@ def tiles(contents: Contents) -> str:
         ("episodes", f"{len(episodes)}", f"and {guided} guided, not counted" if guided else ""),
         ("goals", number("goal"), f"{percent(goals / len(episodes))} of the episodes" if known else ""),
         ("own goals", number("own_goal"), ""),
-        ("time limits", number("timeout"), ""),
+        ("timeouts", number("timeout"), ""),
         ("steps per goal", f"{steps / goals:.0f}" if goals else NOT_AVAILABLE, "of all episodes"),
         ("collisions", _sum(episode.collisions_begun for episode in episodes), "with a wall"),
     ]

@@ -43,7 +43,7 @@ function speed(x, y) {
 function events(step) {
   if (!columns.has("goal") || !flag("has_world", step)) return "n/a";
   const found = [
-    ["goal", "● goal"], ["own_goal", "✕ own goal"], ["truncated", "◆ time limit"],
+    ["goal", "● goal"], ["own_goal", "✕ own goal"], ["truncated", "◆ timeout"],
     ["collision_begun", "▼ collision begins"], ["collision", "in contact with a wall"], ["begins_again", "the episode restarts"],
   ].filter(([name]) => flag(name, step)).map(([, words]) => words);
   if (flag("degraded", step)) found.push("degraded: an answer was missing");

@@ -1,7 +1,7 @@
 // Timelines: of the steps of one episode, and of the episodes of the run.
 
 const [LEFT, RIGHT] = [46, 8];
-const OUTCOMES = { goal: "● goal", own_goal: "✕ own goal", timeout: "◆ time limit" };
+const OUTCOMES = { goal: "● goal", own_goal: "✕ own goal", timeout: "◆ timeout" };
 
 class Strip {
   /** words: of the caption; paint(strip): draws the content; moved(share): somebody points at a place. */
@@ -103,7 +103,7 @@ class Timelines {
     this.among = [
       new Strip(inRun, `${TITLES[told()]}, mean of each episode (stacked): ${names}`, 110, (strip) => this.meanWeights(strip), among),
       new Strip(inRun, "Reward: sum of each episode", 84, bars("return"), among),
-      new Strip(inRun, "Steps of each episode: ● goal, ✕ own goal, ◆ time limit, – no end recorded", 110, (strip) => this.steps(strip), among),
+      new Strip(inRun, "Steps of each episode: ● goal, ✕ own goal, ◆ timeout, – no end recorded", 110, (strip) => this.steps(strip), among),
       new Strip(inRun, "Collisions of each episode", 84, bars("collisions"), among),
     ];
   }
