@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from fbql_behaviors.core.boxes import edge, find_boxes
 from fbql_behaviors.core.equations import entropy
+from fbql_behaviors.core.observation import Feature
+from fbql_behaviors.core.patterns import patterns_from_rows
 from fbql_common.core.errors import BadInput
 from hypothesis import given
 from tree_strategies import PLANE, Row, patterns_of_rows, rows
@@ -74,3 +76,13 @@ def test_a_pattern_outside_of_the_root_region_counts_at_its_edge() -> None:
 def test_more_regions_than_can_be_kept_are_refused() -> None:
     with pytest.raises(BadInput, match="raise min_range"):
         find_boxes(patterns_of_rows([(0.1, 0.1, 0)]), (64, 64))
+
+
+def test_as_many_regions_as_can_be_kept_are_taken_and_not_one_halving_more() -> None:
+    """4096 grids are 7 halvings of each of four features; the halvings of all together are at most 50."""
+    features = tuple(Feature(name, "", 0.0, 1.0) for name in "abcd")
+    one = patterns_from_rows(features, [(0.1, 0.2, 0.3, 0.4)], [0])
+    assert len(find_boxes(one, (7, 7, 7, 7))) == 4096
+    for halvings in ((8, 7, 7, 7), (51, 0, 0, 0)):
+        with pytest.raises(BadInput, match="raise min_range"):
+            find_boxes(one, halvings)

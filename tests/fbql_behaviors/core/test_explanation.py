@@ -11,13 +11,16 @@ from fbql_behaviors.core.explanation import (
     condition,
     conditions,
     describe_tree,
+    is_direction,
     motion_of,
     rounded,
     rules,
     speed_of,
 )
 from fbql_behaviors.core.observation import Feature
+from fbql_behaviors.core.quantizer import LEVEL_RAD_S
 from fbql_behaviors.core.tree import Leaf, Split, Tree
+from fbql_common.core.field import MAX_WHEEL_RAD_S
 from hypothesis import given
 from hypothesis import strategies as st
 from tree_strategies import FEATURES, trees
@@ -126,6 +129,11 @@ def test_a_whole_region_has_no_conditions() -> None:
         (3.0, -3.0, Motion.STAND),
         (50.0, 50.0, Motion.FORWARDS),
         (50.0, 54.0, Motion.FORWARDS),
+        (19.0, 21.0, Motion.FORWARDS),
+        (-21.0, -19.0, Motion.BACKWARDS),
+        (18.9, 21.0, Motion.FORWARDS_LEFT),
+        (LEVEL_RAD_S / 2, LEVEL_RAD_S / 2, Motion.FORWARDS),
+        (0.0, nextafter(LEVEL_RAD_S / 2, 0.0), Motion.STAND),
         (20.0, 45.0, Motion.FORWARDS_LEFT),
         (45.0, 20.0, Motion.FORWARDS_RIGHT),
         (0.0, 45.0, Motion.FORWARDS_LEFT),
@@ -152,6 +160,25 @@ def test_speed_is_that_of_the_faster_wheel() -> None:
     assert [speed_of(0.0, wheel) for wheel in (0.0, 10.0, 29.0, 30.0, -58.0, -59.0, 88.0)] == [
         "", "slow", "slow", "", "", "fast", "fast",
     ]  # fmt: skip
+
+
+def test_slow_and_fast_begin_and_end_at_thirds_of_full_speed_and_slow_at_half_a_level() -> None:
+    third, two_thirds, least = MAX_WHEEL_RAD_S / 3, MAX_WHEEL_RAD_S * 2 / 3, LEVEL_RAD_S / 2
+    assert [speed_of(wheel, 0.0) for wheel in (third, two_thirds, least)] == ["", "fast", "slow"]
+    below = [speed_of(nextafter(wheel, 0.0), 0.0) for wheel in (third, two_thirds, least)]
+    assert below == ["slow", "", ""]
+
+
+def test_only_symmetric_angles_are_directions() -> None:
+    assert is_direction(BEARING) and is_direction(ERROR) and is_direction(PSI)
+    assert not is_direction(DISTANCE)
+    assert not is_direction(BEARING._replace(low=-3.0)) and not is_direction(BEARING._replace(unit="m"))
+
+
+def test_a_number_has_just_enough_digits_to_tell_the_ends_apart() -> None:
+    assert rounded((0.0, 0.5), 0.5) == ["0", "0.5"]
+    assert rounded((10.04, 20.04), 10.0) == ["10", "20"]
+    assert rounded((0.123456, 0.133456), 0.01) == ["0.123", "0.133"]
 
 
 @given(st.floats(-100.0, 100.0), st.floats(1e-6, 100.0))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import cos, pi
 
 import numpy as np
 import pytest
 from fbql_behaviors.core.instructors import INSTRUCTORS, Habits, Hand, approach, avoid_wall, instructor_of, seek_ball
+from fbql_behaviors.core.observation import Law
+from fbql_behaviors.core.quantizer import LEVEL_RAD_S
 from fbql_common.core.errors import BadInput
 from fbql_common.core.field import MAX_WHEEL_RAD_S
 
@@ -77,3 +79,41 @@ def test_no_command_is_beyond_full() -> None:
 def test_a_behavior_without_an_instructor_is_refused_with_the_known_ones() -> None:
     with pytest.raises(BadInput, match="'dance' has no scripted instructor; there is one for: approaching"):
         instructor_of("dance")
+
+
+@pytest.mark.parametrize(
+    ("law", "observed", "expected"),
+    [
+        (seek_ball, (9.0, 0.5), (65.0 * cos(0.5) - 9.0, 65.0 * cos(0.5) + 9.0)),
+        (seek_ball, (9.0, 2.5), (-18.0, 18.0)),
+        (avoid_wall, (0.2, 0.0), (-5.0, -55.0)),
+        (avoid_wall, (0.21, 0.0), (50.0, 50.0)),
+        (avoid_wall, (0.1, -1.2), (-55.0, -5.0)),
+        (avoid_wall, (0.1, 1.3), (55.0, -5.0)),
+        (avoid_wall, (0.1, pi / 2), (55.0, 55.0)),
+        (approach, (0.0, 0.4), (60.0, 60.0)),
+        (approach, (0.0, 0.0), (70.0, 70.0)),
+        (approach, (-0.5, 0.9), (50.0 * cos(0.5) + 9.0, 50.0 * cos(0.5) - 9.0)),
+    ],
+)
+def test_a_law_is_what_the_hand_computes(
+    law: Law, observed: tuple[float, float], expected: tuple[float, float]
+) -> None:
+    assert law(observed) == pytest.approx(expected)
+
+
+def test_a_command_is_the_law_times_the_gains_of_the_hand_plus_smooth_noise() -> None:
+    habits = Habits(0, 0.1, 2.0, 0.8)
+    hand, draw = Hand(lambda _: (20.0, -30.0), habits, np.random.default_rng(5)), np.random.default_rng(5)
+    gains, noise = 1.0 + 0.1 * draw.standard_normal(2), 2.0 * draw.standard_normal(2)
+    for _ in range(3):
+        noise = 0.8 * noise + 2.0 * 0.6 * draw.standard_normal(2)
+        assert hand.command((0.0, 0.0)) == pytest.approx(np.array([20.0, -30.0]) * gains + noise)
+
+
+def test_the_usual_hand_is_the_one_that_the_documents_describe() -> None:
+    assert Habits() == Habits(2, 0.08, 0.5 * LEVEL_RAD_S, 0.9)
+
+
+def test_a_behavior_with_an_instructor_has_its_law() -> None:
+    assert [instructor_of(behavior) for behavior in INSTRUCTORS] == [seek_ball, avoid_wall, approach]

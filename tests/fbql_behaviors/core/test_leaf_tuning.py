@@ -117,6 +117,7 @@ def test_epsilon_falls_in_a_line_from_the_first_episode_to_the_last() -> None:
     parameters = TuningParameters(episodes=5, epsilon_start=0.9, epsilon_end=0.1)
     assert [epsilon_of(parameters, k) for k in range(5)] == pytest.approx([0.9, 0.7, 0.5, 0.3, 0.1])
     assert epsilon_of(replace(parameters, episodes=1), 0) == 0.9
+    assert epsilon_of(replace(parameters, episodes=2), 1) == pytest.approx(0.1)
 
 
 # Actions

@@ -148,3 +148,28 @@ def test_a_selection_of_patterns_keeps_each_with_its_class_and_its_demonstration
     assert chosen.features == FEATURES
     assert chosen.x.tolist() == [[0.5, 0.1], [2.0, 2.0]]
     assert (chosen.wheel_class.tolist(), chosen.demonstration.tolist()) == ([5, 7], [0, 1])
+
+
+@pytest.mark.parametrize(
+    ("x", "classes", "demonstrations", "says"),
+    [
+        (np.zeros((2, 3)), 2, 2, r"patterns have shape \(2, 3\); expected \[n, 2\]"),
+        (np.zeros((2, 2)), 3, 2, "2 patterns need as many classes and demonstration numbers"),
+        (np.zeros((2, 2)), 2, 1, "2 patterns need as many classes and demonstration numbers"),
+    ],
+)
+def test_columns_of_different_lengths_are_refused(
+    x: np.ndarray[tuple[int, int], np.dtype[np.float64]], classes: int, demonstrations: int, says: str
+) -> None:
+    with pytest.raises(BadInput, match=says):
+        Patterns(FEATURES, x, np.zeros(classes, np.int64), np.zeros(demonstrations, np.int64))
+    with pytest.raises(BadInput, match="1 rows of attributes but 2 wheel classes"):
+        patterns_from_rows(FEATURES, [(0.0, 0.0)], [0, 1])
+
+
+def test_moments_outside_of_the_root_region_make_no_pattern() -> None:
+    whole = demonstration(3)
+    nowhere = whole.worlds[1]._replace(ball_x_m=100.0)
+    patterns = patterns_of([Demonstration((whole.worlds[0], nowhere, whole.worlds[2]), whole.commands)], BALL)
+    assert patterns.x[:, 0].tolist() == [0.5, 0.52]
+    assert patterns.wheel_class.tolist() == [wheel_class_of(6.0 * k, 0.0) for k in (0, 2)]

@@ -255,6 +255,18 @@ def test_a_second_message_of_a_kind_is_left_out_and_counted_even_when_it_is_late
     assert join.repeated == 2
 
 
+def test_a_message_that_comes_again_is_known_for_256_steps():
+    join = StepJoin(1)
+    for step in range(257):
+        join.add(0, (step, 0, step), b"a")
+    assert len(list(join.ready())) == 257
+    join.add(0, (1, 0, 1), b"again")
+    assert (list(join.ready()), join.repeated) == ([], 1)
+    join.add(0, (0, 0, 0), b"too late to be known")
+    assert [step.step for step in join.ready()] == [0]
+    assert join.repeated == 1
+
+
 def test_a_step_that_lacks_a_message_comes_out_when_newer_ones_have_begun():
     join = StepJoin(2)
     out: list[int] = []
@@ -384,6 +396,20 @@ def test_observations_that_a_block_lacks_are_as_wide_as_those_of_the_others():
     assert columns["observation.b"].shape == (BLOCK_STEPS + 1, 2)
     assert np.isnan(columns["observation.b"][:-1]).all()
     assert columns["observation.b"][-1].tolist() == [0.5, 0.75]
+
+
+def test_without_any_answer_an_observation_has_no_columns():
+    columns = columns_of([Step(1, 0, 0, None, (None, None), None, None)], EVERYTHING)
+    assert columns["observation.a"].shape == (1, 0)
+    assert flat(columns, BEHAVIORS).keys() >= {"leaf_id.a", "leaf_id.b"}
+    assert not [name for name in flat(columns, BEHAVIORS) if name.startswith("observation.")]
+
+
+def test_without_any_step_the_columns_are_there_and_empty():
+    columns = columns_of([], EVERYTHING)
+    assert {name: column.shape for name, column in columns.items() if len(column)} == {}
+    assert columns["weights"].shape == columns["leaf_id"].shape == (0, 2)
+    assert columns["robot_x_m"].shape == columns["goal"].shape == (0,)
 
 
 def test_topics_that_are_not_recorded_have_no_columns():

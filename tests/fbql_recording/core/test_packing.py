@@ -67,3 +67,10 @@ def test_a_smooth_column_takes_less_than_a_byte_a_row():
 def test_other_bytes_than_there_should_be_are_refused():
     with pytest.raises(ValueError):
         unpack(pack({"a": np.arange(5)}, [Packing("a", 1.0)]), [Packing("a", 1.0)], 6)
+
+
+def test_what_the_page_reads_as_not_available_and_as_too_large_are_the_two_lowest_numbers():
+    largest = 2.0**31 - 2
+    column = np.array([np.nan, np.inf, largest, -largest, largest + 1, -largest - 1])
+    least = -(2**31)
+    assert quantised(column, 1.0).tolist() == [least, least + 1, largest, -largest, least + 1, least + 1]

@@ -1,0 +1,67 @@
+"""The result of a run: which episodes count for what, and the bytes that the digest takes."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+
+from fbql_common.core.types import Phase, World
+from fbql_recording.core.metrics import Digest, EpisodeRecord, summarise
+
+
+def episode(phase: Phase, outcome: str, steps: int, begun: int = 0, contact: int = 0) -> EpisodeRecord:
+    return EpisodeRecord(0, phase, 1, outcome, steps, begun, contact, 0.0, False)
+
+
+def test_guided_episodes_count_towards_nothing_but_the_steps():
+    records = [
+        episode(Phase.GUIDED, "goal", 1000, 9, 90),
+        episode(Phase.LEARNING, "goal", 100, 1, 5),
+        episode(Phase.EVALUATION, "goal", 200, 2, 7),
+        episode(Phase.LEARNING, "own_goal", 30, 0, 1),
+        episode(Phase.LEARNING, "timeout", 400, 1, 0),
+        episode(Phase.LEARNING, "timeout", 400),
+    ]
+    assert summarise("fbql", 7, records, 2500, "ab", 2.0, 3, True)._asdict() == {
+        "controller": "fbql",
+        "seed": 7,
+        "episodes": 5,
+        "goals": 2,
+        "own_goals": 1,
+        "timeouts": 2,
+        "success_rate": 0.4,
+        "cost_per_goal": 565.0,
+        "mean_steps_per_goal": 150.0,
+        "collisions_begun": 4,
+        "collision_steps": 13,
+        "steps": 2500,
+        "wall_s": 2.0,
+        "steps_per_s": 1250.0,
+        "digest": "ab",
+        "messages_recorded": 3,
+        "incomplete": True,
+    }
+
+
+def test_what_has_nothing_to_divide_by_is_none():
+    summary = summarise("fbql", 1, [episode(Phase.GUIDED, "goal", 10)], 10, "")
+    assert (summary.success_rate, summary.cost_per_goal, summary.mean_steps_per_goal) == (None, None, None)
+    assert (summary.wall_s, summary.steps_per_s, summary.messages_recorded, summary.incomplete) == (
+        None,
+        None,
+        0,
+        False,
+    )
+    lost = summarise("fbql", 1, [episode(Phase.LEARNING, "timeout", 10)], 10, "")
+    assert (lost.success_rate, lost.cost_per_goal, lost.mean_steps_per_goal) == (0.0, None, None)
+
+
+def test_the_digest_takes_72_bytes_of_each_decision():
+    world = World(1, 2, 3, 0.1, 0.2, 0.3, 0.4, 0.5, *[9.0] * 7, *[True] * 6)
+    digest = Digest()
+    assert digest.hex == hashlib.sha256().hexdigest()
+    digest.add(world, 6.0, 7.0)
+    first = struct.pack("<qq7d", 2, 3, 0.1, 0.2, 0.3, world.ball_x_m, world.ball_y_m, 6.0, 7.0)
+    assert digest.hex == hashlib.sha256(first).hexdigest()
+    digest.add(world, 7.0, 6.0)
+    assert digest.hex == hashlib.sha256(first + first[:-16] + struct.pack("<2d", 7.0, 6.0)).hexdigest()
