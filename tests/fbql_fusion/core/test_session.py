@@ -12,7 +12,7 @@ from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Decisi
 from fbql_fusion.core import soccer_session as session_module
 from fbql_fusion.core.controllers.interface import Selection
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.session import episode_seed
+from fbql_fusion.core.session import Rejections, episode_seed
 from fbql_fusion.core.soccer_session import SoccerSession
 
 Answers = list[BehaviorOutput | None]
@@ -435,6 +435,42 @@ def test_an_episode_begun_again_keeps_its_number_and_seed_and_is_degraded():
     record = session.records[0]
     assert (record.degraded, record.steps, record.collisions_begun, record.return_) == (True, 1, 0, 10.0)
     assert session.steps == 3
+
+
+def test_an_episode_begun_again_counts_its_collisions_from_the_new_start():
+    session = SoccerSession(FusionParameters())
+    session.next_episode()
+    for step in range(3):
+        session.decide(world(0, step, collision=True, collision_begun=step == 1), answers())
+    session.restart_episode()
+    session.decide(world(0, 0, collision=True), answers())
+    session.decide(world(0, 1, **TIMEOUT), answers())
+    record = session.records[0]
+    assert (record.collisions_begun, record.collision_steps, record.return_) == (0, 1, 0.0)
+
+
+def test_a_session_that_skips_to_an_episode_begins_it_next_and_knows_none_before():
+    session = SoccerSession(FusionParameters(seed=7))
+    session.next_episode()
+    session.decide(world(0, 0), answers())
+    session.skip_to_episode(5)
+    with pytest.raises(ValueError, match="no episode has begun"):
+        session.decide(world(0, 1), answers())
+    assert session.next_episode() == (5, episode_seed(7, 5))
+    session.decide(world(5, 0, **TIMEOUT), answers())
+    assert session.records[0].index == 5
+    assert session.next_episode() == (6, episode_seed(7, 6))
+
+
+def test_what_was_rejected_is_counted_and_told_by_its_reason():
+    assert (Rejections().total, str(Rejections())) == (0, "")
+    rejections = Rejections(leaf_ids=1, references=20, trees=300, weights=4000)
+    assert rejections.total == 4321
+    assert str(rejections) == (
+        "1 answers with a leaf that the tree does not have, 20 answers with a reference that is not finite, "
+        "300 answers from another tree than the behavior's first, 4000 sets of weights that can't be used"
+    )
+    assert str(Rejections(trees=2)) == "2 answers from another tree than the behavior's first"
 
 
 def test_only_an_episode_under_way_is_begun_again():

@@ -13,7 +13,7 @@ from sys import maxsize
 
 import numpy as np
 from fbql_common.core.errors import BadInput
-from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, Decision, Phase, made_of
+from fbql_common.core.types import NO_LEAF, Decision, Phase, made_of
 from fbql_recording.core.metrics import Digest
 
 from fbql_fusion.core.blending import blend
@@ -109,11 +109,6 @@ class Session[M: Moment, C, R]:
         self._seed = 0
         self._episode = -1
         self._step: int = maxsize
-        self._degraded = False
-        self._return = 0.0
-        self._joint_state: JointState = ()
-        self._weights: tuple[float, ...] = ()
-        self._driver = DRIVER_BLEND
 
     @property
     def digest(self) -> str:
