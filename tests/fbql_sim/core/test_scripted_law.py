@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import atan2, cos, pi
+from math import asin, atan2, cos, pi
 from statistics import mean
 
 import pytest
@@ -36,6 +36,50 @@ def test_a_robot_at_rest_never_scores() -> None:
     assert not world.terminated
 
 
+def test_the_law_plays_as_when_the_figures_in_the_documents_were_measured() -> None:
+    loop = WorldLoop()
+    steps: list[int] = []
+    for episode in range(12):
+        world = loop.reset(episode, seed=episode)
+        while not world.ended:
+            world = loop.step(*law(world))
+        steps.append(world.step)
+    assert steps == [599, 235, 317, 416, 441, 382, 229, 314, 259, 238, 614, 183]
+
+
+def still(ball: tuple[float, float], robot: tuple[float, float] = (0.0, 0.3), **changes: float) -> World:
+    """A robot that looks along the field, a ball at rest, the walls far away."""
+    world = World(
+        0, 0, 0, *robot, 0.0, 0.0, 0.0, *ball, 0.0, 0.0, robot[0], robot[1] + 0.5, -pi / 2,
+        False, False, False, False, False, False,
+    )  # fmt: skip
+    return world._replace(**changes)
+
+
+PUSH = atan2(-0.27, 1.04), atan2(-0.27, 1.0), atan2(-0.27, 0.97)
+"""Directions to the goal from (0.08, 0.3), (0.12, 0.3) and (0.15, 0.3)."""
+
+
+@pytest.mark.parametrize(
+    ("world", "heading_rad", "speed_m_s"),
+    [
+        (still((0.08, 0.3)), -PUSH[0], 0.8),  # at most 8 cm away it aims beside the ball by psi, farther by 1.4 psi
+        (still((0.12, 0.3)), -1.4 * PUSH[1], 0.8),
+        (still((0.15, 0.3)), -1.4 * PUSH[2], 1.0),  # from 15 cm on at full speed
+        (still((1.05, 0.3), (1.05, 0.42)), pi / 2 - pi, 0.8),  # along the end wall, slowly only within 12 cm
+        (still((1.05, 0.3), (1.05, 0.41)), pi / 2 - pi, 0.25),
+        (still((0.0, 0.0), (0.5, 0.0)), pi - asin(0.085 / 0.5), 1.0),  # round a ball that it is in front of
+        (still((0.0, 0.0), (0.085, 0.0)), pi - (pi - 1.0), 1.0),  # inside of the detour's circle
+        (still((0.0, 0.0), (0.05, 0.0)), pi - (pi - 0.05 / 0.085), 1.0),
+        (still((0.3, 0.0), (0.0, 0.0), ball_vx_m_s=1.0), 0.0, 1.0),
+        # off the wall: 5 cm beside it, the way to the ball leads into it
+        (still((0.3, 0.88), (0.0, 0.85), wall_x_m=0.0, wall_y_m=0.90), -0.2, 1.0),
+    ],
+)
+def test_the_way_to_the_ball_is_the_one_by_hand(world: World, heading_rad: float, speed_m_s: float) -> None:
+    assert law(world) == pytest.approx(wheels_towards(heading_rad, speed_m_s), abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("error_rad", "forward_m_s", "turn_rad_s"),
     [
@@ -47,6 +91,7 @@ def test_a_robot_at_rest_never_scores() -> None:
         (pi - 0.5, -(cos(0.5) ** 2), -6.0),  # backwards, which is the smaller turn
         (0.5 - pi, -(cos(0.5) ** 2), 6.0),
         (pi, -1.0, 0.0),
+        (pi / 2, 0.0, 15.0),  # neither turn is the smaller one
     ],
 )
 def test_the_wheels_turn_towards_a_heading_and_drive_backwards_where_that_is_the_smaller_turn(
@@ -70,6 +115,10 @@ def test_the_wheels_turn_towards_a_heading_and_drive_backwards_where_that_is_the
         ((1.03, 0.5), -pi / 2),  # along the end wall
         ((1.03, -0.5), pi / 2),
         ((1.03, 0.1), atan2(-0.09, 0.09)),  # in front of the goal
+        ((1.02, 0.5), atan2(-0.45, 0.10)),  # walls are near beyond these places, not at them
+        ((1.03, 0.16), atan2(-0.144, 0.09)),
+        ((0.0, 0.84), atan2(-0.756, 1.12)),
+        ((0.97, 0.85), 0.0),
     ],
 )
 def test_the_ball_is_pushed_towards_the_goal_and_along_walls(ball: tuple[float, float], direction_rad: float) -> None:

@@ -58,6 +58,11 @@ def test_mirrored_worlds_have_the_same_critic_inputs(world: World) -> None:
         assert critic_inputs(world, mirror=False) != critic_inputs(other, mirror=False)
 
 
+def test_a_world_with_the_ball_on_the_middle_line_is_told_as_it_is() -> None:
+    middle = world_state(0, 0)._replace(ball_y_m=0.0, robot_y_m=0.3, ball_vy_m_s=-0.2)
+    assert critic_inputs(middle, mirror=True) == critic_inputs(middle, mirror=False)
+
+
 @given(worlds(), st.lists(st.floats(-0.05, 0.05), min_size=6, max_size=6))
 def test_a_key_is_that_of_a_tile(one: World, moved: list[float]) -> None:
     """Equal keys where floor(x / width + shift) is equal in every component that the group has, and only there."""
