@@ -213,6 +213,16 @@ def test_the_step_in_which_a_robot_comes_to_a_wall_is_a_step_in_contact() -> Non
     assert physics.robot_x_m + HALF_ROBOT == pytest.approx(HALF_LENGTH, abs=0.001)
 
 
+def test_neither_a_ball_at_a_wall_nor_a_robot_at_the_ball_is_a_contact_of_the_robot_with_a_wall() -> None:
+    rolling, pushing = rolling_ball(0.9, 0.5, 1.0, 0.0), physics_with(Start(-0.5, 0.0, 0.0, -0.35, 0.0))
+    for _ in range(60):
+        rolling.step(0, 0)
+        pushing.step(30, 30)
+        assert not rolling.robot_touched_wall and not pushing.robot_touched_wall
+    assert rolling.ball_vx_m_s < 0.0, "it came off the wall"
+    assert pushing.ball_vx_m_s > 0.5, "it was pushed"
+
+
 def test_a_touch_that_begins_and_ends_within_a_step_is_a_contact() -> None:
     """A robot that turns beside a wall grazes it with its corner: in some steps only between two worlds."""
     physics = robot_alone(0.0, HALF_WIDTH - HALF_ROBOT * 2**0.5 + 0.0001, 0.0)
