@@ -132,6 +132,8 @@ def test_a_whole_region_has_no_conditions() -> None:
         (19.0, 21.0, Motion.FORWARDS),
         (-21.0, -19.0, Motion.BACKWARDS),
         (18.9, 21.0, Motion.FORWARDS_LEFT),
+        (2.7, 3.5, Motion.FORWARDS_LEFT),
+        (-3.5, -2.7, Motion.BACKWARDS_LEFT),
         (LEVEL_RAD_S / 2, LEVEL_RAD_S / 2, Motion.FORWARDS),
         (0.0, nextafter(LEVEL_RAD_S / 2, 0.0), Motion.STAND),
         (20.0, 45.0, Motion.FORWARDS_LEFT),

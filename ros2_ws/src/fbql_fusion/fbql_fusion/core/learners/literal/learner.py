@@ -37,10 +37,6 @@ class FbqlLiteral:
         self._gain_high = parameters.gain_high
         self._weight_floor = parameters.weight_floor
 
-    def __len__(self) -> int:
-        """Number of joint states that were learned about."""
-        return len(self._table)
-
     def begin_episode(self, phase: Phase) -> None:
         """Nothing is remembered from one step to the next."""
 
