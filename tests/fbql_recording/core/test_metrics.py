@@ -1,4 +1,4 @@
-"""The result of a run: which episodes count for what, and the bytes that the digest takes."""
+"""The result of a run: which episodes count for what, and what the digest takes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import hashlib
 import struct
 
 from fbql_common.core.types import Phase, World
-from fbql_recording.core.metrics import Digest, EpisodeRecord, summarise
+from fbql_recording.core.metrics import Digest, EpisodeRecord, step_bytes, summarise
 
 
 def episode(phase: Phase, outcome: str, steps: int, begun: int = 0, contact: int = 0) -> EpisodeRecord:
@@ -56,12 +56,15 @@ def test_what_has_nothing_to_divide_by_is_none():
     assert (lost.success_rate, lost.cost_per_goal, lost.mean_steps_per_goal) == (0.0, None, None)
 
 
-def test_the_digest_takes_72_bytes_of_each_decision():
-    world = World(1, 2, 3, 0.1, 0.2, 0.3, 0.4, 0.5, *[9.0] * 7, *[True] * 6)
+def test_the_digest_is_of_all_bytes_in_order_and_more_can_be_added():
     digest = Digest()
     assert digest.hex == hashlib.sha256().hexdigest()
-    digest.add(world, 6.0, 7.0)
-    first = struct.pack("<qq7d", 2, 3, 0.1, 0.2, 0.3, world.ball_x_m, world.ball_y_m, 6.0, 7.0)
-    assert digest.hex == hashlib.sha256(first).hexdigest()
-    digest.add(world, 7.0, 6.0)
-    assert digest.hex == hashlib.sha256(first + first[:-16] + struct.pack("<2d", 7.0, 6.0)).hexdigest()
+    digest.add(b"first")
+    assert digest.hex == hashlib.sha256(b"first").hexdigest()
+    digest.add(b"second")
+    assert digest.hex == hashlib.sha256(b"firstsecond").hexdigest()
+
+
+def test_a_step_of_soccer_adds_72_bytes_to_the_digest():
+    world = World(1, 2, 3, 0.1, 0.2, 0.3, 8.0, 8.0, 0.4, 0.5, *[9.0] * 5, *[True] * 6)
+    assert step_bytes(world, 6.0, 7.0) == struct.pack("<qq7d", 2, 3, 0.1, 0.2, 0.3, 0.4, 0.5, 6.0, 7.0)
