@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import random
+import shutil
 from collections.abc import Callable
 from contextlib import closing
 from importlib import import_module
@@ -34,19 +35,20 @@ SLOW = {"planning_sweeps", "replay_updates", "max_steps", "episodes", "goals", "
 
 @pytest.fixture(scope="module")
 def things(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
-    """Sound values, by the name of the argument."""
+    """Sound values, by the name of the argument. Any may be taken for an output: all of them are copies."""
     place = tmp_path_factory.mktemp("things")
     runs = [record_match(place / name, max_steps=5, episodes=2, seed=seed) for seed, name in enumerate(("a", "b"))]
     demonstrations = place / "demonstrations"
     short = ["--demonstrations", "2", "--steps", "30", "--out", str(demonstrations)]
     assert commands.demonstrate(["ball_seeking", *short]) == 0
-    trees = shipped_trees()
+    trees = Path(shutil.copytree(shipped_trees(), place / "trees"))
+    policy = shutil.copy(shipped_policy(), place / "policy.npz")
     tree_files = [str(path) for path in sorted(trees.glob("*.json"))]
     recorded = [*map(str, runs), *(str(next(run.glob("*.mcap"))) for run in runs)]
     behaviors = ["ball_seeking", "wall_avoiding", "approaching"]
     return {
         "run": recorded, "runs": recorded, "file": tree_files, "behavior": behaviors, "demos": [str(demonstrations)],
-        "trees": [str(trees)], "policy": [str(shipped_policy()), "none", "given.npz"], "controller": ["fbql", "subsumption", "fbql_literal"],
+        "trees": [str(trees)], "policy": [str(policy), "none", "given.npz"], "controller": ["fbql", "subsumption", "fbql_literal"],
         "replay": [str(demonstrations)], "merge": [str(demonstrations)], "at": ["1,0", "-5,3"],
         "observation": [f"{place}/own.py:NAME"], "topics": ["/world", "/x"], "scheduler": ["tcp://127.0.0.1:9"],
     }  # fmt: skip
@@ -137,7 +139,8 @@ COMMANDS: dict[str, Callable[[list[str]], list[str]]] = {
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_any_arguments_of_a_command_are_done_or_refused(things, tmp_path, monkeypatch, capsys, name):
-    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cwd").mkdir()
+    monkeypatch.chdir(tmp_path / "cwd")  # ../x may be an output
     monkeypatch.setattr("fbql.cli.places.RUNS", tmp_path / "runs")
     monkeypatch.setattr("fbql.match.options.RUNS", tmp_path / "runs")
     parser = import_module(f"fbql.commands.{name}").parser(f"{name}.py")
@@ -152,6 +155,8 @@ def test_any_arguments_of_bringup_are_a_match_or_refused(things, tmp_path, monke
     """All that is refused before there is a process; nothing is started."""
     from fbql.commands import bringup
 
+    (tmp_path / "cwd").mkdir()
+    monkeypatch.chdir(tmp_path / "cwd")
     for number, rng in enumerate(dice(40)):
         words = words_for(bringup.parser("bringup.py"), things, rng, tmp_path / f"out{number}")
         words = [word for word in words if not word.startswith("--foxglove")]

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 from fbql_behaviors.behavior_node import BehaviorNode
+from fbql_common.core.topic_names import DECISION, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
-from fbql_common.topics import DECISION, STEP_QOS, WHEEL_COMMAND, WORLD, behavior_topic
+from fbql_common.qos import STEP_QOS
 from fbql_common.wire import MESSAGES, encode_command, encode_output, encode_world
 from fbql_fusion.fusion_node import FusionNode
 from fbql_msgs.srv import ResetEpisode, SavePolicy
@@ -94,7 +95,9 @@ def test_a_simulator_takes_the_next_sound_command_whatever_came_before(bench, re
     check_log(bench.said())
 
 
-def test_fusion_goes_on_whatever_comes(bench, tmp_path):
+def test_fusion_goes_on_whatever_comes(bench, tmp_path, monkeypatch):
+    (tmp_path / "cwd").mkdir()
+    monkeypatch.chdir(tmp_path / "cwd")  # policies are saved under odd names, ../x among them
     simulator = bench.add(FakeSimulator)
     behaviors = [bench.add(FakeBehavior, index) for index in range(3)]
     partner = bench.add(Partner)
