@@ -171,6 +171,18 @@ def test_a_run_that_cannot_begin_leaves_its_directory_as_it_was(tmp_path, size):
     assert sorted(path.name for path in (tmp_path / "run").rglob("*")) == ["log", "trees"]
 
 
+def test_a_run_that_cannot_begin_keeps_the_files_that_were_there(tmp_path):
+    """The tree that is played may stand where its copy goes."""
+    create_run_directory(tmp_path / "run")
+    tree, episodes = tmp_path / "run/trees/tree.json", tmp_path / "run/episodes.csv"
+    tree.write_text("{}")
+    episodes.write_text("mine")
+    with pytest.raises(BadInput, match=r"episodes\.csv: can't begin the run \(File exists\)"):
+        RunDirectory(tmp_path / "run", {}, [tree], Reports())
+    assert (tree.read_text(), episodes.read_text()) == ("{}", "mine")
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["episodes.csv", "log", "trees"]
+
+
 def test_a_full_disk_is_reported_once_leaves_whole_rows_and_is_incomplete(tmp_path):
     reports = Reports()
     create_run_directory(tmp_path / "run")

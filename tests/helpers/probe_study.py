@@ -1,4 +1,4 @@
-"""A study for the tests of the runner: quick tasks that draw a number, fail, kill their worker, or wait.
+"""A study for the tests of the runner: quick tasks that draw a number, fail, kill their worker, wait, or stand in their result's way.
 
 Each attempt of a task leaves a line in the file `attempts` of the directory that it is given.
 """
@@ -47,6 +47,8 @@ def run(parameters: dict[str, Any]) -> Result:
         file.write(f"{name}\n")
     if name == "raise":
         raise ValueError("this task\nalways fails")
+    if name == "unwritable":
+        (place / "out/tasks/unwritable.json").mkdir(exist_ok=True)
     if name == "infinite":
         return {"value": float("inf")}
     if name == "kill" or (name == "kill_once" and attempts(place).count(name) == 1):

@@ -53,6 +53,12 @@ def command(monkeypatch: pytest.MonkeyPatch) -> Callable[[BaseException | int], 
             2,
             "fbql thing: out: cannot be written (no); choose another place\n",
         ),
+        (
+            OSError(errno.ENOSPC, "full", "file"),
+            1,
+            "fbql thing: file: cannot be written (full); make room there, or choose another place\n",
+        ),
+        (OSError(errno.EIO, "broken", "file"), 1, "fbql thing: file: broken\n"),
     ],
 )
 def test_every_ending_is_an_exit_code_and_at_most_one_line(

@@ -124,6 +124,14 @@ def test_a_task_that_always_fails_is_recorded_and_the_table_tells_n(
     assert f"{task} FAILED: {reason}" in captured.err
 
 
+def test_a_result_that_cannot_be_written_fails_its_task_with_the_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments(tmp_path, "--seeds", "1", "--others", "unwritable")) == 1
+    failed = json.loads(capsys.readouterr().out)["failed"]
+    assert failed["unwritable"].startswith("IsADirectoryError: ")
+
+
 def test_a_task_that_failed_is_tried_again_by_the_next_run(tmp_path: Path) -> None:
     assert main(arguments(tmp_path, "--seeds", "1", "--others", "raise")) == 1
     with Store(tmp_path / "out", json.loads((tmp_path / "out" / "config.json").read_text())) as store:

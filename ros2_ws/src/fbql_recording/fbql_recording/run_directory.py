@@ -86,8 +86,8 @@ class RunDirectory:
         report: called once, with one line, when something could not be written.
 
     Raises:
-        BadInput: the directory is missing, was used already, or can't be written to, and is as it was; a tree file can't
-            be copied.
+        BadInput: the directory is missing, was used already, or can't be written to; a tree file can't be copied.
+            Nothing that was made is left, and nothing is removed that was there before.
     """
 
     def __init__(
@@ -119,8 +119,10 @@ class RunDirectory:
         path = self.path
         (path / "trees").mkdir(exist_ok=True)
         for tree_file in tree_files:
-            self._made.append(path / "trees" / tree_file.name)
-            write_atomically(self._made[-1], tree_file.read_bytes())
+            copy = path / "trees" / tree_file.name
+            if not os.path.lexists(copy):  # else it was there before, and may be the tree file itself
+                self._made.append(copy)
+            write_atomically(copy, tree_file.read_bytes())
         self._made.append(path / "config.yaml")
         write_atomically(self._made[-1], to_yaml(dict(config)).encode())
         self._episodes = os.open(path / "episodes.csv", os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)

@@ -16,6 +16,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from errno import EIO
 from importlib import import_module
 from importlib.metadata import entry_points, version
 from pathlib import Path
@@ -114,14 +115,12 @@ def reporting(work: Callable[[], int]) -> int:
         return error.exit_code
     except OSError as error:
         # A file that nothing else expected to fail: the system says which and why.
-        if error.errno in DISK_FAILURES:
-            error = Unwritable(os.fsdecode(error.filename or "a file"), error)
-            complain(error)
-            return error.exit_code
-        if error.filename is None:
+        if error.filename is None and error.errno not in DISK_FAILURES:
             raise
-        complain(f"{os.fsdecode(error.filename)}: {error.strerror}")
-        return BAD_INPUT
+        name = os.fsdecode(error.filename or "a file")
+        is_full = error.errno in DISK_FAILURES and error.errno != EIO  # with EIO, reading may have failed
+        complain(Unwritable(name, error) if is_full else f"{name}: {error.strerror}")
+        return FAILED if error.errno in DISK_FAILURES else BAD_INPUT
     except Interrupted as error:
         complain(error)
         return FAILED

@@ -108,10 +108,11 @@ def _work(module: str, task: StudyTask, directory: str, launcher: int) -> None:
             write_failure(directory, task.key, error_line(error))
             sys.exit(1)
         write_result(directory, task.key, result)
-    except OSError as error:
-        sys.exit(_DISK_FAILED + DISK_FAILURES.index(error.errno) if error.errno in DISK_FAILURES else 1)
-    except ValueError as error:  # a number that is not finite
-        write_failure(directory, task.key, error_line(error))
+    except (OSError, ValueError) as error:  # ValueError: a number that is not finite
+        if isinstance(error, OSError) and error.errno in DISK_FAILURES:
+            sys.exit(_DISK_FAILED + DISK_FAILURES.index(error.errno))
+        with suppress(OSError):
+            write_failure(directory, task.key, error_line(error))
         sys.exit(1)
 
 
