@@ -18,7 +18,8 @@ LOCKS = {
     "ros": ("dependency-groups.ros",),
     "run": ("project.dependencies",),
     "test": ("project.dependencies", "project.optional-dependencies.test"),
-    "study": ("project.dependencies", "project.optional-dependencies.studies"),
+    "bags": ("project.dependencies", "project.optional-dependencies.bags"),
+    "study": ("project.dependencies", "project.optional-dependencies.studies", "project.optional-dependencies.bags"),
     "foxglove": ("project.optional-dependencies.foxglove",),
     "peers": ("project.optional-dependencies.peers",),
 }

@@ -9,4 +9,5 @@ from environment import enter
 
 if __name__ == "__main__":
     cart = {"cart", "--method=cart"}.intersection(sys.argv[1:])  # scikit-learn does it
-    enter("induce", purpose="study" if cart else "run")
+    bag = any(word == "--bag" or word.startswith("--bag=") for word in sys.argv[1:])
+    enter("induce", purpose="study" if cart else "bags" if bag else "run")

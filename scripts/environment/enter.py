@@ -23,8 +23,8 @@ def enter(name: str, purpose: str = "run", module: str = "") -> None:
     """Run `fbql NAME`, the test suite, or `MODULE.main(argv)` where a module is named, in the environment, and exit with
     what it returns.
 
-    `purpose` is run, test (adds the test tools) or study (adds what studies need, but not if only its help is
-    requested). Does not return.
+    `purpose` is run, test (adds the test tools), study (adds what studies need) or bags (adds what reads bags of others);
+    the last two not if only the help is requested. Does not return.
     """
     if os.environ.pop(ENTERED, None) == str(os.getpid()):
         if name == "test":
@@ -34,7 +34,7 @@ def enter(name: str, purpose: str = "run", module: str = "") -> None:
         from fbql.cli.app import run
 
         sys.exit(run(name, sys.argv[1:], f"{name}.py"))
-    if purpose == "study" and not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
+    if purpose in ("study", "bags") and not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
         purpose = "run"
     target, environ = environment_or_exit(purpose)
     environ[ENTERED] = str(os.getpid())

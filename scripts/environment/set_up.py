@@ -84,8 +84,14 @@ class SetUp:
                 interpreter = find_interpreter(self.environ, with_rclpy=bool(self.target.underlay))
                 text = f"making {self.target.venv.name} with Python {interpreter.version} ({interpreter.executable})"
                 todo.append((text, lambda step: self.make_venv(interpreter, step)))
-            # Studies, and cart of induce.py, are the one reason for a command that worked before to install again.
-            why = " for studies, once" if "study" in self.purposes else ""
+            # These, cart of induce.py among them, are the reasons for a command that worked before to install again.
+            why = (
+                " for studies, once"
+                if "study" in self.purposes
+                else " to read bags, once"
+                if "bags" in self.purposes
+                else ""
+            )
             todo.append((f"installing {len(self.target.requirements(self.purposes))} packages{why}", self.install))
         stale = self.target.stale(self.packages) if self.held else [package.name for package in self.packages]
         if stale:

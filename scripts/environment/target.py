@@ -14,7 +14,7 @@ from collections import namedtuple
 from pathlib import Path
 
 DISTRO = "jazzy"
-EXTRAS = ("test", "study")
+EXTRAS = ("test", "study", "bags")
 """What can be installed in addition to what every command needs ("run")."""
 OF_THE_SYSTEM = ("numpy", "pyyaml")
 """The packages of the locks that a system ROS provides."""

@@ -24,7 +24,7 @@ setup(
         (f"share/{name}/trees", sorted(map(str, Path(name, "trees").glob("*.json")))),
     ],
     install_requires=["setuptools", "mcap", "numpy", "zstandard"],
-    extras_require={"cart": ["scikit-learn"], "test": ["pytest"]},
+    extras_require={"bags": ["rosbags"], "cart": ["scikit-learn"], "test": ["pytest"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [
@@ -33,6 +33,7 @@ setup(
             "approaching = fbql_behaviors.programs:approaching",
             "behavior = fbql_behaviors.programs:behavior",
             "teleop = fbql_behaviors.programs:teleop",
+            "twist_behavior = fbql_behaviors.programs:twist_behavior",
         ]
     },
 )

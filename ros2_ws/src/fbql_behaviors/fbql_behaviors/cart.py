@@ -1,7 +1,7 @@
 """CART (Breiman et al. 1984) by scikit-learn, as a baseline for our induction: a tree of our own type from the same
 patterns.
 
-It is a DecisionTreeRegressor of both wheels' levels, grown best split first, so that its size is a number of leaves. Unless
+It is a DecisionTreeRegressor of the levels of both wheels, or other axes, grown best split first, so that its size is a number of leaves. Unless
 a size is given, cross-validation by demonstration chooses it. Only this module needs scikit-learn.
 """
 
@@ -15,8 +15,9 @@ from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput
 
 from fbql_behaviors.core.evaluation import cross_validated_rmse
+from fbql_behaviors.core.levels import levels_at
 from fbql_behaviors.core.patterns import Patterns
-from fbql_behaviors.core.quantizer import LEVEL_RAD_S, levels_of_classes
+from fbql_behaviors.core.quantizer import LEVEL_RAD_S
 from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.sklearn_trees import from_sklearn
 
@@ -60,7 +61,7 @@ def _grow(behavior: str, seed: int, leaves: int, patterns: Patterns) -> Tree:
     # scikit-learn's max_leaf_nodes begins at 2.
     size = {"max_depth": 1, "min_samples_split": len(patterns) + 2} if leaves == 1 else {"max_leaf_nodes": leaves}
     estimator = trees.DecisionTreeRegressor(random_state=seed % 2**32, **size)
-    estimator.fit(patterns.x, levels_of_classes(patterns.wheel_class))
+    estimator.fit(patterns.x, levels_at(patterns.commands, patterns.wheel_class))
     origin = {
         "method": "cart",
         "leaves": leaves,
@@ -69,7 +70,7 @@ def _grow(behavior: str, seed: int, leaves: int, patterns: Patterns) -> Tree:
         "patterns": len(patterns),
         "patterns_sha256": patterns.sha256,
     }
-    return from_sklearn(estimator, behavior, patterns.features, origin, LEVEL_RAD_S)
+    return from_sklearn(estimator, behavior, patterns.features, origin, LEVEL_RAD_S, patterns.commands)
 
 
 def scikit_learn() -> tuple[Any, Any]:

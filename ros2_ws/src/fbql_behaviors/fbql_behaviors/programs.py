@@ -28,3 +28,8 @@ def teleop() -> int:
 def behavior() -> int:
     """Runs any tree: `--ros-args -p tree_file:=FILE`."""
     return start(_NODE, "behavior")
+
+
+def twist_behavior() -> int:
+    """Runs a tree made from a bag: `--ros-args -p tree_file:=FILE`."""
+    return start("fbql_behaviors.twist_behavior_node", "twist_behavior")

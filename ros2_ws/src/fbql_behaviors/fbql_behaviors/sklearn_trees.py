@@ -19,11 +19,14 @@ from math import inf, isfinite, nextafter
 from typing import Any, NamedTuple
 
 import numpy as np
+from fbql_common.core.command_space import Command, CommandSpace
 from fbql_common.core.errors import BadInput
+from fbql_common.core.field import WHEELS
 
+from fbql_behaviors.core.levels import command_at
 from fbql_behaviors.core.observation import Feature
 from fbql_behaviors.core.quantizer import CLASS_COUNT, levels_of, rad_s_of
-from fbql_behaviors.core.tree import MAX_NODES, Leaf, Node, Region, Split, Tree, split_region
+from fbql_behaviors.core.tree import MAX_NODES, AnyLeaf, Node, Region, Split, Tree, make_leaf, split_region
 
 ARRAYS = ("children_left", "children_right", "feature", "threshold", "value", "n_node_samples")
 NO_CHILD = -1
@@ -34,8 +37,8 @@ class _Arrays(NamedTuple):
     right: list[int]
     feature: list[int]
     threshold: list[float]
-    reference: list[tuple[float, float]]
-    """The wheel velocities of each node [rad/s]."""
+    reference: list[Command]
+    """The command of each node, such as wheel velocities [rad/s]."""
     patterns: list[int]
 
 
@@ -45,6 +48,7 @@ def from_sklearn(
     features: tuple[Feature, ...],
     origin: Mapping[str, Any] | None = None,
     scale_rad_s: float = 1.0,
+    commands: CommandSpace = WHEELS,
 ) -> Tree:
     """Our tree of a fitted DecisionTreeRegressor of both wheels, or DecisionTreeClassifier of the wheel class.
 
@@ -54,6 +58,7 @@ def from_sklearn(
         estimator: fitted on attributes in the order of `features`.
         origin: how the tree was made, for its file.
         scale_rad_s: unit of a regressor's prediction [rad/s]: 1 for rad/s, LEVEL_RAD_S for levels.
+        commands: another command space than the wheels'; then the prediction is in its levels.
 
     Raises BadInput when it is not fitted, or does not predict a wheel pair from so many features.
     """
@@ -68,7 +73,7 @@ def from_sklearn(
     classes = getattr(estimator, "classes_", None)
     if classes is not None:
         arrays["classes"] = [each.tolist() for each in classes] if fitted.n_outputs > 1 else classes.tolist()
-    return from_arrays(arrays, behavior, features, origin, scale_rad_s)
+    return from_arrays(arrays, behavior, features, origin, scale_rad_s, commands)
 
 
 def from_arrays(
@@ -77,11 +82,12 @@ def from_arrays(
     features: tuple[Feature, ...],
     origin: Mapping[str, Any] | None = None,
     scale_rad_s: float = 1.0,
+    commands: CommandSpace = WHEELS,
 ) -> Tree:
     """Our tree of a scikit-learn tree's arrays (see the module docstring). Raises BadInput naming array and node."""
-    checked = _check(arrays, scale_rad_s)
+    checked = _check(arrays, scale_rad_s, commands)
     nodes: list[Node] = []
-    leaves: list[Leaf] = []
+    leaves: list[AnyLeaf] = []
     root = tuple((feature.low, feature.high) for feature in features)
     # (their node, its region, our split above it, whether it is that split's left child)
     pending: list[tuple[int, Region, int, bool]] = [(0, root, -1, False)]
@@ -94,7 +100,7 @@ def from_arrays(
             visited[index] = True
             if checked.left[index] == NO_CHILD:
                 node: Node = len(leaves)
-                leaves.append(Leaf(*checked.reference[index], checked.patterns[index]))
+                leaves.append(make_leaf(commands, checked.reference[index], checked.patterns[index]))
                 break
             column = checked.feature[index]
             if not 0 <= column < len(features):
@@ -114,7 +120,7 @@ def from_arrays(
             assert isinstance(above, Split)
             nodes[parent] = above._replace(**{"left" if is_left else "right": len(nodes)})
         nodes.append(node)
-    return Tree(behavior, features, tuple(nodes), tuple(leaves), origin or {})
+    return Tree(behavior, features, tuple(nodes), tuple(leaves), origin or {}, commands)
 
 
 def exact_threshold(threshold: float) -> float:
@@ -129,7 +135,7 @@ def exact_threshold(threshold: float) -> float:
         return nextafter(middle, inf) if float(np.float32(middle)) == float(below) else middle
 
 
-def _check(arrays: Mapping[str, Any], scale_rad_s: float) -> _Arrays:
+def _check(arrays: Mapping[str, Any], scale_rad_s: float, commands: CommandSpace) -> _Arrays:
     for name in ARRAYS:
         if not isinstance(arrays.get(name), list):
             raise BadInput(f"'{name}' is missing, or not a list; needed are: {', '.join(ARRAYS)}")
@@ -148,7 +154,7 @@ def _check(arrays: Mapping[str, Any], scale_rad_s: float) -> _Arrays:
     classes = _classes(arrays)
     values = [_flat(index, value) for index, value in enumerate(arrays["value"])]
     references = [
-        _class_reference(index, numbers, classes) if classes else _wheel_reference(index, numbers, scale_rad_s)
+        _class_reference(index, numbers, classes) if classes else _reference(index, numbers, scale_rad_s, commands)
         for index, numbers in enumerate(values)
     ]
     return _Arrays(
@@ -161,13 +167,17 @@ def _check(arrays: Mapping[str, Any], scale_rad_s: float) -> _Arrays:
     )
 
 
-def _wheel_reference(index: int, values: list[float], scale_rad_s: float) -> tuple[float, float]:
+def _reference(index: int, values: list[float], scale_rad_s: float, commands: CommandSpace) -> Command:
+    if commands != WHEELS:
+        if len(values) != len(commands.axes):
+            raise BadInput(f"value[{index}] has {len(values)} numbers; expected one per axis, {len(commands.axes)}")
+        return command_at(commands, values)
     if len(values) != 2:
         raise BadInput(f"value[{index}] has {len(values)} numbers; a regressor of both wheels has 2, left and right")
     return values[0] * scale_rad_s, values[1] * scale_rad_s
 
 
-def _class_reference(index: int, weights: list[float], classes: list[int]) -> tuple[float, float]:
+def _class_reference(index: int, weights: list[float], classes: list[int]) -> Command:
     if len(weights) != len(classes):
         raise BadInput(f"value[{index}] has {len(weights)} weights for {len(classes)} classes")
     left, right = levels_of(classes[weights.index(max(weights))])

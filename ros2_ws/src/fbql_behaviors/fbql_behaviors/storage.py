@@ -7,6 +7,13 @@
      "leaves": [{"left_rad_s": 12.5, "right_rad_s": 50.0, "patterns": 8}, ...],
      "origin": {"method": "rl", ...}}        how it was made, with the SHA-256 of the training patterns
 
+A tree that commands something else than a soccer robot's wheels names the axes, and its leaves have a value for each; one
+from a bag also says how its features are read from messages (docs/bags.md):
+
+     "commands": [{"name": "linear.x", "unit": "m/s", "low": -0.5, "high": 0.5, "levels": 11}, ...],
+     "leaves": [{"command": [0.25, -0.6], "patterns": 8}, ...],
+     "recipe": {"readings": ...}
+
 Node 0 is the root. `sha256` covers everything but format, version and itself, in canonical form (`Tree.hash`).
 """
 
@@ -16,13 +23,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from fbql_common.core.command_space import Axis, CommandSpace
 from fbql_common.core.errors import BadInput
+from fbql_common.core.field import WHEELS
 from fbql_common.core.plain_json import json_from
 from fbql_common.files import read_file, write_atomically
 
+from fbql_behaviors.core.bag_spec import check_recipe
 from fbql_behaviors.core.behavior import check_features
 from fbql_behaviors.core.observation import OBSERVATIONS, Feature
-from fbql_behaviors.core.tree import Leaf, Node, Split, Tree, canonical
+from fbql_behaviors.core.tree import AnyLeaf, CommandLeaf, Leaf, Node, Split, Tree, canonical
 
 FORMAT = "fbql_tree"
 SUPPORTED_VERSIONS = (1,)
@@ -71,25 +81,29 @@ def tree_from_bytes(data: bytes) -> Tree:
         _name(content, "behavior"),
         tuple(_each(content, "features", _feature)),
         tuple(_each(content, "nodes", _node)),
-        tuple(_each(content, "leaves", _leaf)),
-        _flat_enough(_value(content, "origin", dict)),
+        tuple(_each(content, "leaves", _command_leaf if "commands" in content else _leaf)),
+        _flat_enough("origin", _value(content, "origin", dict)),
+        CommandSpace(tuple(_each(content, "commands", _axis))) if "commands" in content else WHEELS,
+        _flat_enough("recipe", _value(content, "recipe", dict)) if "recipe" in content else {},
     )
-    if tree.behavior in OBSERVATIONS:
+    if tree.recipe:
+        check_recipe(tree)
+    elif tree.behavior in OBSERVATIONS:
         check_features(tree, OBSERVATIONS[tree.behavior])
     if content.get("sha256") != tree.hash:
         raise BadInput(f"sha256 does not match the content, which has {tree.hash}; the file was changed or damaged")
     return tree
 
 
-def _flat_enough(origin: dict[str, Any]) -> dict[str, Any]:
-    """The origin, if whatever handles it can nest as deep."""
-    level: list[Any] = [origin]
+def _flat_enough(key: str, part: dict[str, Any]) -> dict[str, Any]:
+    """A part of the content, if whatever handles it can nest as deep."""
+    level: list[Any] = [part]
     for _ in range(MAX_DEPTH):
         level = [each for value in level for each in (value.values() if isinstance(value, dict) else value)]
         level = [value for value in level if isinstance(value, dict | list)]
     if level:
-        raise BadInput(f"'origin' is nested more than {MAX_DEPTH} deep")
-    return origin
+        raise BadInput(f"'{key}' is nested more than {MAX_DEPTH} deep")
+    return part
 
 
 def json_from_bytes(data: bytes) -> Any:
@@ -106,11 +120,25 @@ def _feature(item: Any) -> Feature:
     return Feature(_name(item, "name"), unit and _name(item, "unit"), _number(item, "low"), _number(item, "high"))
 
 
-def _leaf(item: Any) -> Leaf:
+def _axis(item: Any) -> Axis:
+    unit, levels = _value(item, "unit", str), _value(item, "levels", int)
+    return Axis(_name(item, "name"), unit and _name(item, "unit"), _number(item, "low"), _number(item, "high"), levels)
+
+
+def _leaf(item: Any) -> AnyLeaf:
+    return Leaf(_number(item, "left_rad_s"), _number(item, "right_rad_s"), _patterns(item))
+
+
+def _command_leaf(item: Any) -> AnyLeaf:
+    values = _value(item, "command", list)
+    return CommandLeaf(tuple(_number({"command": value}, "command") for value in values), _patterns(item))  # pyright: ignore
+
+
+def _patterns(item: Any) -> int:
     patterns = _value(item, "patterns", int)
     if patterns >= 2**63:
         raise BadInput("'patterns' is too large")
-    return Leaf(_number(item, "left_rad_s"), _number(item, "right_rad_s"), patterns)
+    return patterns
 
 
 def _node(item: Any) -> Node:

@@ -1,15 +1,18 @@
-"""Induces a behavior's tree from demonstrations and writes the tree file."""
+"""Induces a behavior's tree from demonstrations, or from bags of any robot, and writes the tree file."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from fbql_behaviors.core.evaluation import wheel_rmse
+from fbql_behaviors.bag_reading import load_spec
+from fbql_behaviors.core.bag_patterns import BagPatterns
+from fbql_behaviors.core.evaluation import axis_rmse, wheel_rmse
 from fbql_behaviors.core.induction import InductionParameters
 from fbql_behaviors.core.observation import OBSERVATIONS
 from fbql_behaviors.core.patterns import Demonstration, Patterns
@@ -18,6 +21,7 @@ from fbql_behaviors.core.tree_value import tree_value
 from fbql_behaviors.demonstration_storage import load_demonstrations
 from fbql_behaviors.storage import save_tree
 from fbql_common.core.errors import BadInput
+from fbql_common.core.field import WHEELS
 from fbql_common.core.parameters import types_of
 from fbql_common.core.text import as_lines
 from fbql_common.files import output_directory, write_atomically
@@ -29,6 +33,7 @@ from fbql.cli.output import complain, print_result, say, warn, writing
 from fbql.cli.parser import Parser, add_json_option, add_parameter_options, output_path, without_effect
 from fbql.cli.places import new_path
 from fbql.cli.words import counted
+from fbql.demonstrations.from_bags import BagData, bag_request, data_of_bags
 from fbql.demonstrations.make_tree import (
     CART,
     DEMONSTRATION_SEED,
@@ -50,7 +55,10 @@ BESIDE = Path()
 
 def parser(program: str) -> Parser:
     """The command line."""
-    command = Parser(prog=program, description="Induces a behavior's decision tree from demonstrations.")
+    command = Parser(
+        prog=program,
+        description="Induces a behavior's decision tree from demonstrations, or a tree of any robot from ROS 2 bags.",
+    )
     command.add_argument("behavior", metavar="BEHAVIOR", help=f"such as: {', '.join(OBSERVATIONS)}")
     command.add_argument(
         "--demos",
@@ -58,6 +66,16 @@ def parser(program: str) -> Parser:
         action="append",
         metavar="DIR",
         help="recording of demonstrations, or a directory of them; may be repeated (the scripted instructor, seed 1)",
+    )
+    command.add_argument(
+        "--bag",
+        type=Path,
+        action="append",
+        metavar="DIR",
+        help="ROS 2 bag of any robot (rosbag2 in MCAP or SQLite 3), of which --spec says what to take; may be repeated",
+    )
+    command.add_argument(
+        "--spec", type=Path, metavar="FILE", help="with --bag: what is sensed and commanded (YAML, see docs/bags.md)"
     )
     command.add_argument("--every", type=int, metavar="N", help="take every N-th step of a demonstration as a pattern")
     command.add_argument("--patterns", type=int, metavar="N", help="take at most N patterns")
@@ -90,29 +108,21 @@ def parser(program: str) -> Parser:
 
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     """Induces the tree. Returns 0."""
-    sources = register_observations(arguments.observation, [arguments.behavior])
     names = ("seed", "every", "patterns", "leaves", *types_of(InductionParameters))
     given = {name: value for name in names if (value := getattr(arguments, name)) is not None}
-    request = request_of(arguments.behavior, **given)
-    unused = unused_parameters(request.method)
-    for note in (
-        *unused_observations(sources, [arguments.behavior]),
-        *without_effect(arguments, unused, f"with --method {request.method}"),
-    ):
-        complain(note)
-    if arguments.curve is not None and request.method != "rl":
-        raise BadInput("--curve needs --method rl; the other methods have no trials")
-    demonstrations = _demonstrations(request, arguments.demos)
-    patterns = patterns_for(request, demonstrations)
+    task = _of_bags(arguments, given) if arguments.bag else _of_demonstrations(arguments, given)
+    request, patterns = task.request, task.patterns
     warn(patterns.warnings())
     made = induced_tree(request, patterns)
+    if task.recipe:
+        made = replace(made, tree=replace(made.tree, recipe=task.recipe))
     path = arguments.out or new_path(f"tree-{request.behavior}") / f"{request.behavior}.json"
     report = path.with_suffix(".html") if arguments.report is BESIDE else arguments.report
     replaced = path.exists()
     with writing(path), output_directory(path.parent):
         save_tree(path, made.tree)
     if report is not None:
-        _write(report, _page(request, arguments.demos, demonstrations, patterns, made))
+        _write(report, _page(task, made))
     if arguments.curve is not None:
         _write(arguments.curve, _curve(made.curve))
     if replaced:
@@ -124,7 +134,7 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     result = {
         "leaves": made.tree.leaf_count,
         "rmse_levels": rmse,
-        "rmse_rad_s": None if rmse is None else rad_s_of(rmse),
+        "rmse_rad_s": None if rmse is None or patterns.commands != WHEELS else rad_s_of(rmse),
         "root_value": made.value if isfinite(made.value) else None,
         "seconds": made.seconds,
         "path": str(path),
@@ -132,8 +142,66 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
         "sha256": made.tree.hash,
         "report": None if report is None else str(report),
     }
-    print_result(json.dumps(result) if arguments.json else _words(result))
+    if task.bags is not None:
+        read = task.bags.read
+        result |= {"commands": read.commands, "dropped": read.dropped, "clamped": read.clamped}
+        result["training_rmse"] = axis_rmse(made.tree, patterns)
+    notes = _drops(task.bags.read) if task.bags else ()
+    print_result(json.dumps(result) if arguments.json else _words(result, notes))
     return DONE
+
+
+class _Task(NamedTuple):
+    """What to induce, and from what."""
+
+    request: InductionRequest
+    patterns: Patterns
+    demonstrations: int
+    source: str
+    """Where the demonstrations came from."""
+    bags: BagData | None = None
+
+    @property
+    def recipe(self) -> dict[str, Any]:
+        """The recipe of the observations that the tree file holds; empty for an observation in code."""
+        return self.bags.recipe if self.bags else {}
+
+
+def _of_demonstrations(arguments: argparse.Namespace, given: dict[str, Any]) -> _Task:
+    if arguments.spec is not None:
+        raise BadInput("--spec says what to take from a bag: name one with --bag DIR")
+    sources = register_observations(arguments.observation, [arguments.behavior])
+    request = request_of(arguments.behavior, **given)
+    _check_options(arguments, request, unused_observations(sources, [arguments.behavior]))
+    demonstrations = _demonstrations(request, arguments.demos)
+    source = f"Scripted instructor, seed {DEMONSTRATION_SEED}"
+    if arguments.demos:
+        source = "Recordings " + ", ".join(path.name for path in arguments.demos)
+    return _Task(request, patterns_for(request, demonstrations), len(demonstrations), source)
+
+
+def _of_bags(arguments: argparse.Namespace, given: dict[str, Any]) -> _Task:
+    if arguments.demos or arguments.observation:
+        other = "--demos" if arguments.demos else "--observation"
+        raise BadInput(f"--bag and {other} exclude each other: the specification says what a bag's tree senses")
+    if arguments.spec is None:
+        raise BadInput("--bag needs --spec FILE: what is sensed and commanded (docs/bags.md)")
+    spec = load_spec(arguments.spec)
+    request = bag_request(arguments.behavior, len(spec.features), **given)
+    _check_options(arguments, request)
+    bags = data_of_bags(arguments.bag, spec, request.recipe.every, request.recipe.patterns)
+    source = f"{'Bag' if len(arguments.bag) == 1 else 'Bags'} " + ", ".join(path.name for path in arguments.bag)
+    numbers = len(set(bags.read.patterns.demonstration.tolist()))
+    return _Task(request, bags.read.patterns, numbers, source, bags)
+
+
+def _check_options(arguments: argparse.Namespace, request: InductionRequest, notes: Iterable[str] = ()) -> None:
+    """Reports options without effect. Raises BadInput for --curve where there is none."""
+    unused = unused_parameters(request.method)
+    for note in (*notes, *without_effect(arguments, unused, f"with --method {request.method}")):
+        complain(note)
+    if arguments.curve is not None and request.method != "rl":
+        raise BadInput("--curve needs --method rl; the other methods have no trials")
 
 
 def _demonstrations(request: InductionRequest, paths: Sequence[Path] | None) -> list[Demonstration]:
@@ -148,22 +216,14 @@ def _write(path: Path, text: str) -> None:
         write_atomically(path, text.encode())
 
 
-def _page(
-    request: InductionRequest,
-    paths: Sequence[Path] | None,
-    demonstrations: Sequence[Demonstration],
-    patterns: Patterns,
-    made: InducedTree,
-) -> str:
-    source = f"Scripted instructor, seed {DEMONSTRATION_SEED}"
-    if paths:
-        source = "Recordings " + ", ".join(path.name for path in paths)
+def _page(task: _Task, made: InducedTree) -> str:
+    request, patterns = task.request, task.patterns
     return induction_page(
         Induction(
             tree=made.tree,
             patterns=patterns,
-            demonstrations=len(demonstrations),
-            source=source,
+            demonstrations=task.demonstrations,
+            source=task.source,
             method=request.method,
             objective=request.parameters.objective,
             value=made.value,
@@ -173,8 +233,17 @@ def _page(
             training_rmse=wheel_rmse(made.tree, patterns),
             curve=made.curve,
             tried=made.tried,
+            notes=_drops(task.bags.read) if task.bags else (),
         )
     )
+
+
+def _drops(read: BagPatterns) -> list[str]:
+    """What became of the commands of bags, a line each."""
+    lines = [f"{counted(read.commands, 'command')} in the bags"]
+    lines += [f"{number} dropped: {reason}" for reason, number in sorted(read.dropped.items())]
+    lines += [f"{number} clamped: {name} outside its limits" for name, number in sorted(read.clamped.items())]
+    return lines
 
 
 def _curve(values: Sequence[float]) -> str:
@@ -183,15 +252,18 @@ def _curve(values: Sequence[float]) -> str:
     return "\n".join(("trial,root_value_nat", *lines, ""))
 
 
-def _words(result: dict[str, Any]) -> str:
+def _words(result: dict[str, Any], notes: Iterable[str] = ()) -> str:
     error = "n/a (needs two demonstrations)"
     if result["rmse_levels"] is not None:
-        error = f"{result['rmse_levels']:.2f} levels, {result['rmse_rad_s']:.1f} rad/s"
+        error = f"{result['rmse_levels']:.2f} levels"
+        if result["rmse_rad_s"] is not None:
+            error += f", {result['rmse_rad_s']:.1f} rad/s"
     value = "not finite: it diverged" if result["root_value"] is None else f"{result['root_value']:.4f} nat"
     return as_lines(
         (
             f"{counted(result['leaves'], 'leaf', 'leaves')} from {counted(result['patterns'], 'pattern')} in {result['seconds']:.3f} s",
-            f"  held-out error of the wheel velocities   {error}",
+            *(f"  {note}" for note in notes),
+            f"  held-out error of the {'commands        ' if 'commands' in result else 'wheel velocities'}   {error}",
             f"  value of the root                        {value}",
             f"  tree                                     {result['path']}",
             *([f"  report                                   {result['report']}"] if result["report"] else []),

@@ -8,11 +8,12 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from math import degrees, isfinite, radians
 from pathlib import Path
+from typing import Any
 
 from fbql_behaviors.core.c_source import to_c
 from fbql_behaviors.core.explanation import describe_tree, rules
 from fbql_behaviors.core.observation import observation_of
-from fbql_behaviors.core.tree import Tree
+from fbql_behaviors.core.tree import Leaf, Tree
 from fbql_behaviors.drawing.dot import to_dot
 from fbql_behaviors.drawing.partition import partition_svg
 from fbql_behaviors.sklearn_trees import from_arrays
@@ -74,16 +75,22 @@ def _explain(arguments: argparse.Namespace) -> int:
         chosen = [tree.answer(_observation(arguments.at, tree))[0]]
     if arguments.json:
         every = rules(tree)
-        leaves = [
-            {"leaf_id": k, "rule": every[k].sentence, "motion": every[k].what, **tree.leaves[k]._asdict()}
-            for k in chosen
-        ]
+        leaves = [{"leaf_id": k, "rule": every[k].sentence, "motion": every[k].what, **_leaf(tree, k)} for k in chosen]
         print_result(json.dumps({"behavior": tree.behavior, "sha256": tree.hash, "leaves": leaves}))
     elif arguments.at is not None:
         print_result(f"leaf {chosen[0]}: {rules(tree)[chosen[0]].sentence}")
     else:
         print_result(f"{_summary(tree)}\n{describe_tree(tree)}")
     return DONE
+
+
+def _leaf(tree: Tree, leaf_id: int) -> dict[str, Any]:
+    """A leaf as JSON values; the command of another robot than the soccer robot by the names of its axes."""
+    leaf = tree.leaves[leaf_id]
+    if isinstance(leaf, Leaf):
+        return leaf._asdict()
+    names = (axis.name for axis in tree.commands.axes)
+    return {"command": dict(zip(names, leaf.command, strict=True)), "patterns": leaf.patterns}
 
 
 def _observation(text: str, tree: Tree) -> tuple[float, ...]:

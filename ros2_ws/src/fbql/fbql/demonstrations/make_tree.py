@@ -90,7 +90,32 @@ def request_of(
         BadInput: an unknown behavior or parameter, or a value out of range.
     """
     observation_of(behavior)
-    recipe = recipe_of(behavior)
+    return request_with(
+        behavior,
+        recipe_of(behavior),
+        method=method,
+        objective=objective,
+        seed=seed,
+        every=every,
+        patterns=patterns,
+        leaves=leaves,
+        **parameters,
+    )
+
+
+def request_with(
+    behavior: str,
+    recipe: Recipe,
+    *,
+    method: str | None = None,
+    objective: str | None = None,
+    seed: int = INDUCTION_SEED,
+    every: int | None = None,
+    patterns: int | None = None,
+    leaves: int | None = None,
+    **parameters: Any,
+) -> InductionRequest:
+    """The request for a tree by a recipe of one's own; otherwise as `request_of`."""
     is_cart = method == CART
     if is_cart:
         scikit_learn()  # refused here, before anything takes long

@@ -22,6 +22,7 @@ from fbql_behaviors.drawing.colours import COLOURS, OPACITY
 from fbql_behaviors.drawing.curve import curve_svg
 from fbql_behaviors.drawing.partition import partition_svg
 from fbql_behaviors.storage import tree_to_bytes
+from fbql_common.core.field import WHEELS
 
 from fbql.cli.words import counted
 
@@ -68,6 +69,8 @@ class Induction:
     """Root value after each trial; empty where there are no trials."""
     tried: Mapping[int, float]
     """Held-out error [levels] by number of leaves; empty where no size was chosen."""
+    notes: Sequence[str] = ()
+    """What else is to be said of the data, a line each."""
 
 
 def induction_page(induction: Induction) -> str:
@@ -103,8 +106,10 @@ def induction_page(induction: Induction) -> str:
 def _tiles(induction: Induction) -> str:
     rmse = induction.rmse
     held_out = ("n/a", "held-out error: needs two demonstrations")
-    if rmse is not None:
+    if rmse is not None and induction.tree.commands == WHEELS:
         held_out = (f"{rmse:.2f} levels", f"held-out error of the wheels, {rad_s_of(rmse):.1f} rad/s")
+    elif rmse is not None:
+        held_out = (f"{rmse:.2f} levels", "held-out error of the commands")
     worth = f"; the tree is worth {_nat(induction.worth)}, the best one {_nat(induction.optimum)}"
     tiles = (
         (str(induction.tree.leaf_count), "leaf" if induction.tree.leaf_count == 1 else "leaves"),
@@ -142,11 +147,14 @@ def _course(induction: Induction) -> str:
 def _leaves(tree: Tree) -> str:
     rows: list[Sequence[str | float]] = []
     swatches: list[str] = []
+    form = ".1f" if tree.commands == WHEELS else ".3f"
     for rule in rules(tree):
-        rows.append((rule.leaf_id, rule.where, rule.what, f"{rule.leaf[0]:.1f}", f"{rule.leaf[1]:.1f}", rule.leaf[2]))
+        values = (f"{value:{form}}" for value in rule.leaf.command)
+        rows.append((rule.leaf_id, rule.where, rule.what, *values, rule.leaf.patterns))
         swatches.append(_swatch(rule))
-    heads = ("leaf", "where", "what the robot does", "left [rad/s]", "right [rad/s]", "patterns")
-    return _table(heads, rows, numbers=(0, 3, 4, 5), before=(2, swatches))
+    axes = (f"{axis.name} [{axis.unit}]" for axis in tree.commands.axes)
+    heads = ("leaf", "where", "what the robot does", *axes, "patterns")
+    return _table(heads, rows, numbers=(0, *range(3, len(heads))), before=(2, swatches))
 
 
 def _swatch(rule: Rule) -> str:
@@ -158,13 +166,14 @@ def _data(induction: Induction) -> str:
     classes = len(np.unique(patterns.wheel_class))
     about = (
         f"<p>{escape(induction.source)}: {counted(induction.demonstrations, 'demonstration')}, {len(patterns)} patterns of "
-        f"{classes} wheel classes. SHA-256 of the patterns: <code>{patterns.sha256}</code></p>"
+        f"{classes} {'wheel ' if induction.tree.commands == WHEELS else ''}classes. SHA-256 of the patterns: <code>{patterns.sha256}</code></p>"
     )
     rows = [
         (feature.name, _number(feature, feature.low), _number(feature, feature.high), *_seen(feature, column))
         for feature, column in zip(patterns.features, patterns.x.T, strict=True)
     ]
     heads = ("feature", "root region from", "to (exclusive)", "lowest pattern", "highest pattern")
+    about += "".join(f"<p>{escape(note)}</p>" for note in induction.notes)
     return about + _table(heads, rows, numbers=(1, 2, 3, 4))
 
 

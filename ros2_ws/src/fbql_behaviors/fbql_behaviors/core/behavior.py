@@ -21,8 +21,9 @@ class Behavior:
     def __init__(self, name: str, tree: Tree, observation: Observation | None = None) -> None:
         """`observation` defaults to the registered one of the tree's behavior.
 
-        Raises BadInput when tree and observation have different features.
+        Raises BadInput when tree and observation have different features, or the tree commands no wheels.
         """
+        _ = tree.wheel_leaves
         self.name = name
         self.tree = tree
         self.clamped_count = 0

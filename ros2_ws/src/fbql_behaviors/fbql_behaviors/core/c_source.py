@@ -8,33 +8,50 @@ from __future__ import annotations
 
 import re
 
+from fbql_common.core.field import WHEELS
+
 from fbql_behaviors.core.observation import Feature
 from fbql_behaviors.core.tree import Split, Tree
 
 
 def to_c(tree: Tree) -> str:
-    """A C99 file with `int NAME_answer(const double observation[d], double *left_rad_s, double *right_rad_s)`."""
+    """A C99 file with `int NAME_answer(const double observation[d], double *left_rad_s, double *right_rad_s)`.
+
+    For another command space than the wheels': `int NAME_answer(const double observation[d], double command[axes])`.
+    """
     name = c_name(tree.behavior)
-    signature = (
-        f"int {name}_answer(const double observation[{len(tree.features)}], double *left_rad_s, double *right_rad_s)"
-    )
+    axes = tree.commands.axes
+    if tree.commands == WHEELS:
+        results = "double *left_rad_s, double *right_rad_s"
+        returned = (
+            "Returns the leaf_id, and the reference of the left and the right wheel [rad/s]. The observation is:\n"
+        )
+        columns = "left_rad_s, right_rad_s"
+        copies = "    *left_rad_s = leaves[leaf_id][0];\n    *right_rad_s = leaves[leaf_id][1];\n"
+    else:
+        results = f"double command[{len(axes)}]"
+        listed = "".join(
+            f" *   [{k}] {_comment(axis.name)} [{_unit(axis.unit)}], {axis.low!r} to {axis.high!r}\n"
+            for k, axis in enumerate(axes)
+        )
+        returned = f"Returns the leaf_id, and the command:\n{listed} * The observation is:\n"
+        columns = _comment(", ".join(axis.name for axis in axes))
+        copies = f"    for (int k = 0; k < {len(axes)}; k++)\n        command[k] = leaves[leaf_id][k];\n"
+    signature = f"int {name}_answer(const double observation[{len(tree.features)}], {results})"
     nodes = "".join(
         f"    {{{node.feature}, {node.left}, {node.right}, {float(node.threshold).hex()}}},\n"
         if isinstance(node, Split)
         else f"    {{-1, {node}, 0, 0.0}},\n"
         for node in tree.nodes
     )
-    leaves = "".join(
-        f"    {{{float(leaf.left_rad_s).hex()}, {float(leaf.right_rad_s).hex()}}},\n" for leaf in tree.leaves
-    )
+    leaves = "".join(f"    {{{', '.join(float(value).hex() for value in leaf.command)}}},\n" for leaf in tree.leaves)
     features = "".join(f" *   [{k}] {_description(feature)}\n" for k, feature in enumerate(tree.features))
     return f"""\
 /* The tree of behavior {_comment(tree.behavior)}: {tree.leaf_count} leaves, SHA-256 {tree.hash}.
  *
  * {signature};
  *
- * Returns the leaf_id, and the reference of the left and the right wheel [rad/s]. The observation is:
-{features} * Outside these ranges the leaf at the edge answers. C99, no other file, no heap memory, thread-safe.
+ * {returned}{features} * Outside these ranges the leaf at the edge answers. C99, no other file, no heap memory, thread-safe.
  */
 
 const char {name}_tree_hash[] = "{tree.hash}";
@@ -44,8 +61,8 @@ const int {name}_leaf_count = {tree.leaf_count};
 static const struct {{ int feature, left, right; double threshold; }} nodes[] = {{
 {nodes}}};
 
-/* left_rad_s, right_rad_s */
-static const double leaves[][2] = {{
+/* {columns} */
+static const double leaves[][{len(axes)}] = {{
 {leaves}}};
 
 {signature}
@@ -54,9 +71,7 @@ static const double leaves[][2] = {{
     while (nodes[at].feature >= 0)
         at = observation[nodes[at].feature] < nodes[at].threshold ? nodes[at].left : nodes[at].right;
     const int leaf_id = nodes[at].left;
-    *left_rad_s = leaves[leaf_id][0];
-    *right_rad_s = leaves[leaf_id][1];
-    return leaf_id;
+{copies}    return leaf_id;
 }}
 """
 
@@ -69,6 +84,11 @@ def c_name(behavior: str) -> str:
 
 def _description(feature: Feature) -> str:
     return _comment(f"{feature.name} [{feature.unit}], {feature.low!r} to {feature.high!r}")
+
+
+def _unit(text: str) -> str:
+    """A unit in a comment, such as m/s: a slash ends no comment where there is no star."""
+    return _comment(text).replace("|", "/")
 
 
 def _comment(text: str) -> str:

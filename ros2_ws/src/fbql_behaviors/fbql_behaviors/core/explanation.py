@@ -14,11 +14,13 @@ from enum import Enum
 from math import degrees, floor, log10
 from typing import NamedTuple
 
-from fbql_common.core.field import MAX_WHEEL_RAD_S
+from fbql_common.core.command_space import Axis, Command, CommandSpace
+from fbql_common.core.field import MAX_WHEEL_RAD_S, WHEELS
 
+from fbql_behaviors.core.levels import step_of
 from fbql_behaviors.core.observation import Feature
 from fbql_behaviors.core.quantizer import LEVEL_RAD_S
-from fbql_behaviors.core.tree import Leaf, Region, Tree
+from fbql_behaviors.core.tree import AnyLeaf, Region, Tree
 
 STRAIGHT = 0.05
 """Largest turning part of the wheel velocities, as a share of the forward part, that counts as straight."""
@@ -32,7 +34,7 @@ _MOST_DIGITS = 17
 
 
 class Motion(Enum):
-    """What a pair of wheel velocities does. Turning left is counter-clockwise, also when driving backwards."""
+    """What a command does. Turning left is counter-clockwise, also when driving backwards."""
 
     STAND = "standing still"
     FORWARDS = "forwards"
@@ -43,6 +45,22 @@ class Motion(Enum):
     BACKWARDS_RIGHT = "backwards, turning right"
     SPIN_RIGHT = "turning right on the spot"
     FORWARDS_RIGHT = "forwards, turning right"
+    SIDEWAYS_LEFT = "sideways to the left"
+    SIDEWAYS_RIGHT = "sideways to the right"
+
+
+_TWIST_MOTIONS = {
+    (0, 0): Motion.STAND,
+    (1, 0): Motion.FORWARDS,
+    (1, 1): Motion.FORWARDS_LEFT,
+    (1, -1): Motion.FORWARDS_RIGHT,
+    (-1, 0): Motion.BACKWARDS,
+    (-1, 1): Motion.BACKWARDS_LEFT,
+    (-1, -1): Motion.BACKWARDS_RIGHT,
+    (0, 1): Motion.SPIN_LEFT,
+    (0, -1): Motion.SPIN_RIGHT,
+}
+"""By the signs of the velocities forwards and to the left about z."""
 
 
 class Rule(NamedTuple):
@@ -54,7 +72,8 @@ class Rule(NamedTuple):
     motion: Motion
     speed: str
     """slow, fast, or empty."""
-    leaf: Leaf
+    leaf: AnyLeaf
+    commands: CommandSpace = WHEELS
 
     @property
     def where(self) -> str:
@@ -68,18 +87,37 @@ class Rule(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The rule as one text, with the wheels' velocities and the number of patterns behind it."""
-        left, right, patterns = self.leaf
-        noun = "pattern" if patterns == 1 else "patterns"
-        return f"{self.where} -> {self.what} (left {left:.0f}, right {right:.0f} rad/s; {patterns} {noun})"
+        """The rule as one text, with the command and the number of patterns behind it."""
+        noun = "pattern" if self.leaf.patterns == 1 else "patterns"
+        command = command_text(self.commands, self.leaf.command)
+        return f"{self.where} -> {self.what} ({command}; {self.leaf.patterns} {noun})"
 
 
 def rules(tree: Tree) -> tuple[Rule, ...]:
     """The rule of every leaf, indexed by leaf_id."""
     return tuple(
-        Rule(leaf_id, conditions(tree.features, region), motion_of(*leaf[:2]), speed_of(*leaf[:2]), leaf)
+        Rule(leaf_id, conditions(tree.features, region), *_what(tree.commands, leaf.command), leaf, tree.commands)
         for leaf_id, (leaf, region) in enumerate(zip(tree.leaves, tree.regions(), strict=True))
     )
+
+
+def command_text(space: CommandSpace, command: Command) -> str:
+    """A command with its units: "left 20, right 45 rad/s", "linear.x 0.4 m/s, angular.z -0.75 rad/s"."""
+    if space == WHEELS:
+        return f"left {command[0]:.0f}, right {command[1]:.0f} rad/s"
+    return ", ".join(axis_text(axis, value) for axis, value in zip(space.axes, command, strict=True))
+
+
+def axis_text(axis: Axis, value: float) -> str:
+    """The value of one axis, with a digit more than its levels need, and its unit."""
+    return f"{axis.name} {rounded([value], step_of(axis))[0]} {axis.unit}".rstrip()
+
+
+def _what(space: CommandSpace, command: Command) -> tuple[Motion, str]:
+    """What a command does, and how fast."""
+    if space == WHEELS:
+        return motion_of(*command), speed_of(*command)
+    return twist_motion_of(space, command), _share_of_full(space, command)
 
 
 def describe_tree(tree: Tree) -> str:
@@ -142,6 +180,33 @@ def speed_of(left_rad_s: float, right_rad_s: float) -> str:
     if fastest >= FAST:
         return "fast"
     return "slow" if LEVEL_RAD_S / 2 <= fastest < SLOW else ""
+
+
+def twist_motion_of(space: CommandSpace, command: Command) -> Motion:
+    """What velocities along x (forwards) and y (to the left) and about z (to the left) do.
+
+    Less than half a level of an axis counts as none. Axes of other names are not looked at.
+    """
+    levels = {axis.name: value / step_of(axis) for axis, value in zip(space.axes, command, strict=True)}
+    signs = {name: 0 if abs(level) < 0.5 else 1 if level > 0.0 else -1 for name, level in levels.items()}
+    forward, sideways, turn = (signs.get(name, 0) for name in ("linear.x", "linear.y", "angular.z"))
+    if sideways and not forward:
+        return Motion.SIDEWAYS_LEFT if sideways > 0 else Motion.SIDEWAYS_RIGHT
+    return _TWIST_MOTIONS[forward, turn]
+
+
+def _share_of_full(space: CommandSpace, command: Command) -> str:
+    """slow below a third, fast from two thirds of full velocity on: of the linear ones, or where none moves, the others."""
+    shares = {
+        axis.name: abs(value) / max(abs(axis.low), abs(axis.high))
+        for axis, value in zip(space.axes, command, strict=True)
+        if abs(value) >= step_of(axis) / 2
+    }
+    linear = [share for name, share in shares.items() if name.startswith("linear")]
+    share = max(linear or shares.values(), default=None)
+    if share is None:
+        return ""
+    return "fast" if share >= 2 / 3 else "slow" if share < 1 / 3 else ""
 
 
 def rounded(values: Iterable[float], width: float) -> list[str]:

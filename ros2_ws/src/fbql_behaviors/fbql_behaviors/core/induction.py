@@ -19,13 +19,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from fbql_common.core.command_space import CommandSpace
 from fbql_common.core.parameters import check, parameter
 
 from fbql_behaviors.core.boxes import Boxes, edge, find_boxes
 from fbql_behaviors.core.equations import children_value, information_gain, q_update, q_update_printed, split_reward
+from fbql_behaviors.core.levels import command_at, levels_at
 from fbql_behaviors.core.patterns import Patterns
-from fbql_behaviors.core.quantizer import levels_of_classes, rad_s_of
-from fbql_behaviors.core.tree import Leaf, Node, Split, Tree
+from fbql_behaviors.core.tree import AnyLeaf, Node, Split, Tree, make_leaf
 
 NO_SPLIT = -1
 UNIFORM_BLOCK = 4096
@@ -93,7 +94,7 @@ class Induced(NamedTuple):
 def induce(behavior: str, patterns: Patterns, parameters: InductionParameters, seed: int) -> Induced:
     """Induces a tree from patterns. The rl method draws all its randomness from `seed`.
 
-    Leaves hold the mean wheel velocities of their patterns' classes [rad/s]. The tree's origin records the parameters and the
+    Leaves hold the mean command of their patterns' classes, such as wheel velocities [rad/s]. The tree's origin records the parameters and the
     patterns' SHA-256. Raises BadInput for parameters out of range.
     """
     check(parameters, "induction")
@@ -104,7 +105,8 @@ def induce(behavior: str, patterns: Patterns, parameters: InductionParameters, s
         values = learn(boxes, parameters, np.random.default_rng(seed))
     nodes, leaves = _grow(boxes, values.split, patterns)
     origin = {**_origin(parameters), "seed": seed, "patterns": len(patterns), "patterns_sha256": patterns.sha256}
-    return Induced(Tree(behavior, patterns.features, nodes, leaves, origin), values.value, values.curve)
+    tree = Tree(behavior, patterns.features, nodes, leaves, origin, patterns.commands)
+    return Induced(tree, values.value, values.curve)
 
 
 def _origin(parameters: InductionParameters) -> dict[str, Any]:
@@ -250,18 +252,18 @@ def _greedy(values: list[float]) -> int:
     return values.index(highest) if highest > 0.0 else NO_SPLIT
 
 
-def _grow(boxes: Boxes, split: list[int], patterns: Patterns) -> tuple[tuple[Node, ...], tuple[Leaf, ...]]:
+def _grow(boxes: Boxes, split: list[int], patterns: Patterns) -> tuple[tuple[Node, ...], tuple[AnyLeaf, ...]]:
     """The tree that follows the best splits from the root, depth first; leaves take the mean of their patterns."""
-    levels = levels_of_classes(patterns.wheel_class)
+    levels = levels_at(patterns.commands, patterns.wheel_class)
     nodes: list[Node] = []
-    leaves: list[Leaf] = []
+    leaves: list[AnyLeaf] = []
 
     def grow(box: int, rows: npt.NDArray[np.int64]) -> int:
         place = len(nodes)
         column = split[box]
         if column == NO_SPLIT:
             nodes.append(len(leaves))
-            leaves.append(_leaf(levels[rows]))
+            leaves.append(_leaf(patterns.commands, levels[rows]))
             return place
         feature = patterns.features[column]
         halves = 2 << int(boxes.levels[box, column])
@@ -278,7 +280,7 @@ def _grow(boxes: Boxes, split: list[int], patterns: Patterns) -> tuple[tuple[Nod
     return tuple(nodes), tuple(leaves)
 
 
-def _leaf(levels: npt.NDArray[np.int64]) -> Leaf:
-    """The mean of the quantized wheel levels [n, 2] of a leaf's patterns; sums of integers, so the same everywhere."""
-    left, right = levels.sum(axis=0).tolist()
-    return Leaf(rad_s_of(left / len(levels)), rad_s_of(right / len(levels)), len(levels))
+def _leaf(space: CommandSpace, levels: npt.NDArray[np.int64]) -> AnyLeaf:
+    """The mean of the levels [n, axes] of a leaf's patterns; sums of integers, so the same everywhere."""
+    command = command_at(space, [total / len(levels) for total in levels.sum(axis=0).tolist()])
+    return make_leaf(space, command, len(levels))

@@ -164,7 +164,7 @@ def tune(
         practice.drive(epsilon_of(parameters, episode))
         progress(episode + 1)
     changes = chosen_changes(practice.q, practice.updates, practice.changes, parameters.min_updates)
-    leaves = tuple(changed(leaf, change) for leaf, change in zip(tree.leaves, changes, strict=True))
+    leaves = tuple(changed(leaf, change) for leaf, change in zip(tree.wheel_leaves, changes, strict=True))
     origin = {
         "method": "leaf_tuning",
         "tuned_from": tree.hash,
@@ -204,7 +204,7 @@ class _Practice:
         self.updates = [[0] * len(self.changes) for _ in tree.leaves]
         self.steps = 0
         self._commands: list[list[Command]] = [
-            [changed(leaf, change)[:2] for change in self.changes] for leaf in tree.leaves
+            [changed(leaf, change)[:2] for change in self.changes] for leaf in tree.wheel_leaves
         ]
         self._sense = observation_of(tree.behavior).sense
         self._answer = tree.answer

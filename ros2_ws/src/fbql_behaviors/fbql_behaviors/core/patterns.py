@@ -1,7 +1,7 @@
 """Demonstrations and patterns: validated, frozen data (section II.A).
 
 A demonstration is a recording of world states and the commands given in them. A pattern is one moment of it from the view
-of a behavior: attributes (the observation) and a class (the quantized wheel pair).
+of a behavior: attributes (the observation) and a class (the quantized command: a wheel pair, or of another command space).
 """
 
 from __future__ import annotations
@@ -12,11 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from fbql_common.core.command_space import CommandSpace
 from fbql_common.core.errors import BadInput
+from fbql_common.core.field import WHEELS
 from fbql_common.core.types import WheelCommand, World
 
+from fbql_behaviors.core.levels import class_count
 from fbql_behaviors.core.observation import Feature, Observation
-from fbql_behaviors.core.quantizer import CLASS_COUNT, wheel_class_of
+from fbql_behaviors.core.quantizer import wheel_class_of
 
 IMBALANCE = 1000
 """Ratio between the patterns of the commonest and the rarest class that is worth a warning."""
@@ -45,8 +48,9 @@ class Patterns:
 
     features: d features, in the order of the columns.
     x: attributes, float64 [n, d], finite; units are those of the features.
-    wheel_class: int64 [n], each 0 .. 840.
+    wheel_class: int64 [n], the class of each command (`core.levels`); of a wheel pair 0 .. 840.
     demonstration: int64 [n], the demonstration of each pattern; cross-validation holds out whole demonstrations.
+    commands: the command space of the classes.
 
     Raises BadInput when any of this does not hold.
     """
@@ -55,6 +59,7 @@ class Patterns:
     x: npt.NDArray[np.float64]
     wheel_class: npt.NDArray[np.int64]
     demonstration: npt.NDArray[np.int64]
+    commands: CommandSpace = WHEELS
 
     def __post_init__(self) -> None:
         n = len(self.x)
@@ -74,12 +79,11 @@ class Patterns:
             row, column = int(bad[0, 0]), int(bad[0, 1])
             name = self.features[column].name
             raise BadInput(f"pattern row {row}: feature '{name}' is {self.x[row, column]}; remove or correct the row")
-        bad = np.flatnonzero((self.wheel_class < 0) | (self.wheel_class >= CLASS_COUNT))
+        classes = class_count(self.commands)
+        bad = np.flatnonzero((self.wheel_class < 0) | (self.wheel_class >= classes))
         if len(bad):
-            row = bad[0]
-            raise BadInput(
-                f"pattern row {row}: wheel class {self.wheel_class[row]} is outside of 0 .. {CLASS_COUNT - 1}"
-            )
+            row, what = bad[0], "wheel class" if self.commands == WHEELS else "class"
+            raise BadInput(f"pattern row {row}: {what} {self.wheel_class[row]} is outside of 0 .. {classes - 1}")
         for array in (self.x, self.wheel_class, self.demonstration):
             array.setflags(write=False)
 
@@ -88,10 +92,13 @@ class Patterns:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 over the features' names and units, the attributes and the classes (little-endian)."""
+        """SHA-256 over the features' names and units, the axes of another command space than the wheels', the attributes
+        and the classes (little-endian)."""
         digest = hashlib.sha256()
         for feature in self.features:
             digest.update(f"{feature.name} {feature.unit}\n".encode())
+        for axis in () if self.commands == WHEELS else self.commands.axes:
+            digest.update(f"{axis!r}\n".encode())
         digest.update(np.ascontiguousarray(self.x, dtype="<f8").tobytes())
         digest.update(np.ascontiguousarray(self.wheel_class, dtype="<i8").tobytes())
         return digest.hexdigest()
@@ -129,7 +136,7 @@ class Patterns:
 
     def select(self, rows: npt.NDArray[np.bool_]) -> Patterns:
         """The patterns whose row is true in `rows` [n]."""
-        return Patterns(self.features, self.x[rows], self.wheel_class[rows], self.demonstration[rows])
+        return Patterns(self.features, self.x[rows], self.wheel_class[rows], self.demonstration[rows], self.commands)
 
 
 def patterns_from_rows(

@@ -7,12 +7,14 @@ beyond full counts as full. A wheel_class numbers a pair of levels, 0 .. 840, wi
 
 from __future__ import annotations
 
-from math import floor, isfinite
+from math import isfinite
 
 import numpy as np
 import numpy.typing as npt
 from fbql_common.core.errors import BadInput
-from fbql_common.core.field import MAX_WHEEL_RAD_S
+from fbql_common.core.field import MAX_WHEEL_RAD_S, WHEELS
+
+from fbql_behaviors.core.levels import level_at, levels_at, value_at
 
 MAX_LEVEL = 14
 LEVEL_COUNT = 2 * MAX_LEVEL + 1
@@ -25,13 +27,12 @@ def level_of(wheel_rad_s: float) -> int:
     """The level nearest to a wheel velocity [rad/s]. Raises BadInput when it is not finite."""
     if not isfinite(wheel_rad_s):
         raise BadInput(f"wheel velocity {wheel_rad_s} rad/s is not finite; a level needs a number")
-    magnitude = min(floor(abs(wheel_rad_s) / LEVEL_RAD_S + 0.5), MAX_LEVEL)
-    return magnitude if wheel_rad_s >= 0.0 else -magnitude
+    return level_at(WHEELS.axes[0], wheel_rad_s)
 
 
 def rad_s_of(level: float) -> float:
     """The wheel velocity [rad/s] of a level, or of a mean of levels."""
-    return level * MAX_WHEEL_RAD_S / MAX_LEVEL
+    return value_at(WHEELS.axes[0], level)
 
 
 def wheel_class_of(left_rad_s: float, right_rad_s: float) -> int:
@@ -52,5 +53,4 @@ def levels_of(wheel_class: int) -> tuple[int, int]:
 
 def levels_of_classes(wheel_class: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """The levels of many wheel classes: [n] -> [n, 2], columns left and right."""
-    left, right = np.divmod(wheel_class, LEVEL_COUNT)
-    return np.stack((left, right), axis=1) - MAX_LEVEL
+    return levels_at(WHEELS, wheel_class)

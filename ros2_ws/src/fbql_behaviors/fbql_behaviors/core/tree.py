@@ -1,7 +1,7 @@
-"""A decision tree: splits of a root region into leaves, each leaf with the wheel velocities of its behavior.
+"""A decision tree: splits of a root region into leaves, each leaf with the command of its behavior.
 
 Regions are half-open boxes: a point on a split belongs to the right child. A `Tree` is immutable data, checked when it is
-made; `origin` records how it was induced.
+made; `origin` records how it was induced. A command is a pair of wheel velocities, unless the tree has another command space.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from fbql_common.core.command_space import Command, CommandSpace
 from fbql_common.core.errors import BadInput
-from fbql_common.core.field import MAX_WHEEL_RAD_S
+from fbql_common.core.field import WHEELS
 
 from fbql_behaviors.core.observation import Feature
 
@@ -24,7 +25,9 @@ MAX_NODES = 1_000_000
 MAX_FEATURES = 64
 """Checking a tree takes time and memory by its nodes times its features."""
 MAX_FEATURE = 1e12
-"""Largest bound of a feature: what is computed with it stays finite."""
+"""Largest bound of a feature or command: what is computed with it stays finite."""
+MAX_AXES = 6
+MAX_LEVELS = 1001
 
 
 class Split(NamedTuple):
@@ -43,6 +46,20 @@ class Leaf(NamedTuple):
     right_rad_s: float
     patterns: int
 
+    @property
+    def command(self) -> Command:
+        """The reference as a command in `field.WHEELS`."""
+        return self[:2]
+
+
+class CommandLeaf(NamedTuple):
+    """The reference of a leaf in a command space that is not `field.WHEELS`, and the number of patterns."""
+
+    command: Command
+    patterns: int
+
+
+AnyLeaf = Leaf | CommandLeaf
 
 Node = Split | int
 """A split, or the leaf_id of a leaf."""
@@ -58,8 +75,10 @@ class Tree:
     behavior: name of the behavior.
     features: the parts of the observation, in order, with the root region.
     nodes: node 0 is the root; every other node is the child of exactly one split.
-    leaves: indexed by leaf_id, dense from 0; every leaf_id occurs in exactly one node.
+    leaves: indexed by leaf_id, dense from 0; every leaf_id occurs in exactly one node. `Leaf` in WHEELS, else `CommandLeaf`.
     origin: how the tree was made (method, parameters, SHA-256 of the training data ...); JSON values only.
+    commands: the command space of the leaves.
+    recipe: how its features are read from messages (`core.bag_spec`), JSON values only; empty for observations in code.
 
     Raises BadInput when any of this does not hold.
     """
@@ -67,8 +86,10 @@ class Tree:
     behavior: str
     features: tuple[Feature, ...]
     nodes: tuple[Node, ...]
-    leaves: tuple[Leaf, ...]
+    leaves: tuple[AnyLeaf, ...]
     origin: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    commands: CommandSpace = WHEELS
+    recipe: Mapping[str, Any] = field(default_factory=dict[str, Any])
     hash: str = field(init=False)
     """SHA-256 of the tree's whole content, 64 hexadecimal digits: the same in the file and in every process."""
     contains: Callable[[Sequence[float]], bool] = field(init=False, repr=False, compare=False)
@@ -76,8 +97,9 @@ class Tree:
     _root: tuple[Any, Any, Any, Any] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        _check_features(self.features)
-        _check_leaves(self.leaves)
+        check_features(self.features)
+        check_space(self.commands)
+        _check_leaves(self.leaves, self.commands)
         order = _check_nodes(self)
         object.__setattr__(self, "_root", _nested(self, order))
         object.__setattr__(self, "contains", _contains(tuple((feature.low, feature.high) for feature in self.features)))
@@ -85,18 +107,31 @@ class Tree:
 
     def __reduce__(self) -> tuple[type[Tree], tuple[object, ...]]:
         """A copy is made from the content; what is compiled from it is not copied."""
-        return Tree, (self.behavior, self.features, self.nodes, self.leaves, dict(self.origin))
+        content = (self.behavior, self.features, self.nodes, self.leaves, dict(self.origin))
+        return Tree, (*content, self.commands, dict(self.recipe))
 
     @property
     def leaf_count(self) -> int:
         return len(self.leaves)
 
-    def answer(self, observation: Sequence[float]) -> tuple[int, float, float]:
-        """leaf_id, left and right reference [rad/s] of an observation [d]; outside the root region, of the leaf at its edge."""
+    @property
+    def wheel_leaves(self) -> tuple[Leaf, ...]:
+        """The leaves of a tree that commands wheels. Raises BadInput for any other."""
+        leaves = tuple(leaf for leaf in self.leaves if isinstance(leaf, Leaf))
+        if len(leaves) < len(self.leaves):
+            axes = ", ".join(axis.name for axis in self.commands.axes)
+            raise BadInput(f"the tree of '{self.behavior}' commands {axes}, not wheels; twist_behavior plays it")
+        return leaves
+
+    def answer(self, observation: Sequence[float]) -> tuple[int, *tuple[float, ...]]:
+        """leaf_id and command of an observation [d]; outside the root region, of the leaf at its edge.
+
+        In WHEELS: leaf_id, left and right reference [rad/s].
+        """
         feature, threshold, left, right = self._root
         while feature >= 0:
             feature, threshold, left, right = left if observation[feature] < threshold else right
-        return threshold, left, right
+        return threshold
 
     def clamp(self, observation: Sequence[float]) -> tuple[float, ...]:
         """The observation moved into the root region: below `low` to `low`, from `high` on to the last float below it."""
@@ -120,8 +155,8 @@ class Tree:
         return leaf_ids
 
     def references(self, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """The references [rad/s] of many observations: [n, d] -> [n, 2], columns left and right."""
-        table = np.array([leaf[:2] for leaf in self.leaves])
+        """The commands of many observations: [n, d] -> [n, axes]; in WHEELS [rad/s], columns left and right."""
+        table = np.array([leaf.command for leaf in self.leaves])
         return table[self.leaf_ids(x)]
 
     def regions(self) -> tuple[Region, ...]:
@@ -139,14 +174,19 @@ class Tree:
         return tuple(regions)
 
     def content(self) -> dict[str, Any]:
-        """The whole tree as JSON values; the hash is computed over it."""
-        return {
+        """The whole tree as JSON values; the hash is computed over it. The wheels' command space is left out."""
+        content: dict[str, Any] = {
             "behavior": self.behavior,
             "features": [feature._asdict() for feature in self.features],
             "nodes": [list(node) if isinstance(node, Split) else node for node in self.nodes],
             "leaves": [leaf._asdict() for leaf in self.leaves],
             "origin": dict(self.origin),
         }
+        if self.commands != WHEELS:
+            content["commands"] = [axis._asdict() for axis in self.commands.axes]
+        if self.recipe:
+            content["recipe"] = dict(self.recipe)
+        return content
 
 
 def split_region(region: Region, feature: int, threshold: float) -> tuple[Region, Region]:
@@ -169,7 +209,8 @@ def canonical(content: Any) -> str:
     return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
-def _check_features(features: tuple[Feature, ...]) -> None:
+def check_features(features: tuple[Feature, ...]) -> None:
+    """Raises BadInput unless the features have names of their own, and finite limits in order."""
     if not features:
         raise BadInput("a tree needs at least one feature")
     if len(features) > MAX_FEATURES:
@@ -186,13 +227,36 @@ def _check_features(features: tuple[Feature, ...]) -> None:
             )
 
 
-def _check_leaves(leaves: tuple[Leaf, ...]) -> None:
+def make_leaf(space: CommandSpace, command: Command, patterns: int) -> AnyLeaf:
+    """The leaf of a command, of the kind that its command space needs."""
+    return Leaf(command[0], command[1], patterns) if space == WHEELS else CommandLeaf(command, patterns)
+
+
+def check_space(space: CommandSpace) -> None:
+    """Raises BadInput unless the axes have names of their own, finite limits in order, and 2 levels or more."""
+    names = [axis.name for axis in space.axes]
+    if not 0 < len(names) <= MAX_AXES or len(set(names)) < len(names):
+        raise BadInput(f"a command needs 1 to {MAX_AXES} axes, each with a name of its own, not {', '.join(names)}")
+    for axis in space.axes:
+        if not -MAX_FEATURE <= axis.low < axis.high <= MAX_FEATURE:
+            raise BadInput(
+                f"command axis '{axis.name}': low {axis.low} must be below high {axis.high}, both within +-{MAX_FEATURE:g}"
+            )
+        if not 2 <= axis.levels <= MAX_LEVELS:
+            raise BadInput(f"command axis '{axis.name}': {axis.levels} levels; expected 2 to {MAX_LEVELS}")
+
+
+def _check_leaves(leaves: tuple[AnyLeaf, ...], space: CommandSpace) -> None:
     if not leaves:
         raise BadInput("a tree needs at least one leaf")
     for leaf_id, leaf in enumerate(leaves):
-        for name, value in zip(("left", "right"), leaf[:2], strict=True):
-            if not abs(value) <= MAX_WHEEL_RAD_S:
-                raise BadInput(f"leaf {leaf_id}: {name}_rad_s is {value}, outside of +-{MAX_WHEEL_RAD_S:g} rad/s")
+        if isinstance(leaf, Leaf) != (space == WHEELS) or len(leaf.command) != len(space.axes):
+            raise BadInput(f"leaf {leaf_id}: its command is not one of {', '.join(axis.name for axis in space.axes)}")
+        for axis, value in zip(space.axes, leaf.command, strict=True):
+            if not axis.low <= value <= axis.high:
+                name = f"{axis.name}_rad_s" if space == WHEELS else axis.name
+                limits = f"+-{axis.high:g}" if axis.low == -axis.high else f"[{axis.low:g}, {axis.high:g}]"
+                raise BadInput(f"leaf {leaf_id}: {name} is {value}, outside of {limits} {axis.unit}".rstrip())
         if leaf.patterns < 0:
             raise BadInput(f"leaf {leaf_id}: patterns is {leaf.patterns}, below 0")
 
@@ -240,7 +304,7 @@ def _check_nodes(tree: Tree) -> list[int]:
 def _nested(tree: Tree, order: list[int]) -> Any:
     """The tree as nested tuples, the fastest structure to walk in plain Python.
 
-    A split is (feature, threshold, left tuple, right tuple), a leaf (-1, leaf_id, left_rad_s, right_rad_s).
+    A split is (feature, threshold, left tuple, right tuple), a leaf (-1, (leaf_id, *command), None, None).
     """
     nested: list[Any] = [None] * len(tree.nodes)
     for index in reversed(order):
@@ -248,6 +312,5 @@ def _nested(tree: Tree, order: list[int]) -> Any:
         if isinstance(node, Split):
             nested[index] = (node.feature, node.threshold, nested[node.left], nested[node.right])
         else:
-            leaf = tree.leaves[node]
-            nested[index] = (-1, node, leaf.left_rad_s, leaf.right_rad_s)
+            nested[index] = (-1, (node, *tree.leaves[node].command), None, None)
     return nested[0]

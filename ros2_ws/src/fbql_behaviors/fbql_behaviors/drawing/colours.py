@@ -14,6 +14,8 @@ COLOURS = {
     Motion.BACKWARDS_RIGHT: "#b0405e",
     Motion.SPIN_RIGHT: "#d9541e",
     Motion.FORWARDS_RIGHT: "#f0b323",
+    Motion.SIDEWAYS_LEFT: "#009e73",
+    Motion.SIDEWAYS_RIGHT: "#cc79a7",
 }
 """The colour of a motion."""
 OPACITY = {"slow": 0.45, "": 0.7, "fast": 1.0}

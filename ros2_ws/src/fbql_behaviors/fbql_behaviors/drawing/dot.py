@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import degrees
 
-from fbql_behaviors.core.explanation import rules
+from fbql_behaviors.core.explanation import command_text, rules
 from fbql_behaviors.core.observation import Feature
 from fbql_behaviors.core.tree import Split, Tree
 from fbql_behaviors.drawing.colours import COLOURS
@@ -24,9 +24,9 @@ def to_dot(tree: Tree) -> str:
             lines.append(f'  n{index} -> n{node.left} [label="yes"];')
             lines.append(f'  n{index} -> n{node.right} [label="no"];')
         else:
-            rule, (left, right, patterns) = leaf_rules[node], tree.leaves[node]
-            wheels = f"left {left:.0f}, right {right:.0f} rad/s"
-            label = _quoted(f"leaf {node}\n{rule.what}\n{wheels}\n{patterns} patterns")
+            rule, leaf = leaf_rules[node], tree.leaves[node]
+            command = command_text(tree.commands, leaf.command)
+            label = _quoted(f"leaf {node}\n{rule.what}\n{command}\n{leaf.patterns} patterns")
             lines.append(f'  n{index} [label={label}, fillcolor="{COLOURS[rule.motion]}"];')
     return "\n".join((*lines, "}", ""))
 
