@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from fbql_behaviors.behavior_node import BehaviorNodeParameters
 from fbql_behaviors.core.induction import InductionParameters
 from fbql_behaviors.core.teleop import TeleopParameters
+from fbql_behaviors.twist_behavior_node import TwistBehaviorParameters
 from fbql_common.core.parameters import Limits, defaults_of, limits_of, types_of
 from fbql_fusion.core.mux.parameters import LockParameters, MuxParameters, SourceParameters
 from fbql_fusion.core.parameters import FusionParameters
@@ -66,6 +67,11 @@ SECTIONS = (
     Section("The mux", "Node `twist_mux`. [mux.md](mux.md) explains them.", MuxParameters),
     Section("The sources of a mux", "Node `twist_mux`, as `topics.NAME.PARAMETER` for each source.", SourceParameters),
     Section("The locks of a mux", "Node `twist_mux`, as `locks.NAME.PARAMETER` for each lock.", LockParameters),
+    Section(
+        "The node of a tree from a bag",
+        "Node `twist_behavior`. [bags.md](bags.md) explains it.",
+        TwistBehaviorParameters,
+    ),
     Section("Keyboard teleoperation", "Node `teleop`.", TeleopParameters),
     Section(
         "Induction of trees",

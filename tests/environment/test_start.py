@@ -344,7 +344,13 @@ class Asked(Exception):
 
 @pytest.mark.parametrize(
     ("purpose", "argv", "asked"),
-    [("study", ["paper"], "study"), ("study", ["paper", "--help"], "run"), ("test", ["--help"], "test")],
+    [
+        ("study", ["paper"], "study"),
+        ("study", ["paper", "--help"], "run"),
+        ("bags", ["it", "--bag", "drive"], "bags"),
+        ("bags", ["it", "--bag", "drive", "-h"], "run"),
+        ("test", ["--help"], "test"),
+    ],
 )
 def test_help_alone_installs_no_study_packages(
     purpose: str, argv: list[str], asked: str, monkeypatch: pytest.MonkeyPatch

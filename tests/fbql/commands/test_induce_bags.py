@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import induce, tree
+from fbql.demonstrations.from_bags import FINEST_HALVINGS, bag_request, halvings_for
 from fbql_behaviors.bag_reading import load_spec, read_bag
 from fbql_behaviors.core.bag_patterns import patterns_of_bags
 from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.core.boxes import MAX_GRIDS, MAX_HALVINGS
 from fbql_behaviors.core.c_source import to_c
 from fbql_behaviors.core.evaluation import wheel_rmse
 from fbql_behaviors.core.explanation import rules
@@ -142,6 +144,22 @@ def test_six_features_get_regions_as_coarse_as_the_table_allows(
     assert (
         induced(capsys, place, "--spec", str(place / "six.yaml"), "--method", "dp", "--patterns", "100")["leaves"] > 1
     )
+
+
+@pytest.mark.parametrize("features", range(1, 13))
+def test_regions_are_as_fine_as_the_table_of_boxes_allows(features: int) -> None:
+    halvings = halvings_for(features)
+    assert (halvings + 1) ** features <= MAX_GRIDS
+    assert (
+        halvings == FINEST_HALVINGS
+        or (halvings + 2) ** features > MAX_GRIDS
+        or features * (halvings + 1) > MAX_HALVINGS
+    )
+
+
+def test_more_than_twelve_observations_are_refused() -> None:
+    with pytest.raises(BadInput, match="13 observations; at most 12 are supported"):
+        bag_request(NAME, 13)
 
 
 def test_soccer_does_not_play_it(place: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput, in_one_line
+from fbql_common.files import read_file
 from fbql_recording.plain_yaml import from_yaml
 from mcap.stream_reader import StreamReader
 
@@ -33,13 +34,7 @@ class Bag(NamedTuple):
 
 def load_spec(path: Path) -> Spec:
     """The specification in a YAML file. Raises BadInput, with file and reason."""
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_SPEC_BYTES + 1)
-    except OSError as error:
-        raise BadInput(f"{path}: {error.strerror}") from None
-    if len(data) > MAX_SPEC_BYTES:
-        raise BadInput(f"{path}: more than {MAX_SPEC_BYTES} bytes, the limit for a specification")
+    data = read_file(path, MAX_SPEC_BYTES)
     try:
         return spec_of(from_yaml(data, "specification"))
     except BadInput as error:

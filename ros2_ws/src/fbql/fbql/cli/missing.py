@@ -12,6 +12,7 @@ ROS = frozenset(
 )
 EXTRAS = {
     "distributed": "studies",
+    "rosbags": "bags",
     "gymnasium": "gymnasium",
     "matplotlib": "studies",
     "pandas": "studies",

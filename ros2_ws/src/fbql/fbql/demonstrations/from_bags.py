@@ -23,6 +23,8 @@ from fbql.demonstrations.make_tree import InductionRequest, request_with
 
 FINEST_HALVINGS = 6
 """Halvings of a feature's range, where there are few features: regions of a 64th, as for the shipped trees."""
+MOST_FEATURES = 12
+"""Observations of a tree: the halves of each make already a table of `MAX_GRIDS` grids."""
 _NAME = re.compile(r"[A-Za-z][\w-]{0,99}\Z", re.ASCII)
 
 
@@ -60,6 +62,8 @@ def bag_request(name: str, features: int, **given: Any) -> InductionRequest:
             f"'{name}' can't be the name of a tree from a bag; choose letters, digits, - and _, and not one of: "
             f"{', '.join(OBSERVATIONS)}"
         )
+    if features > MOST_FEATURES:
+        raise BadInput(f"{features} observations; at most {MOST_FEATURES} are supported, choose those that matter")
     induction = replace(InductionParameters(), min_range=2.0 ** -halvings_for(features))
     return request_with(name, Recipe(induction, induction, every=1, patterns=MAX_PATTERNS), **given)
 
@@ -67,4 +71,4 @@ def bag_request(name: str, features: int, **given: Any) -> InductionRequest:
 def halvings_for(features: int) -> int:
     """How often the range of each of so many features can be halved, for a table of boxes that is not too large."""
     most = floor(MAX_GRIDS ** (1.0 / features) + 1e-9) - 1
-    return max(1, min(FINEST_HALVINGS, most, MAX_HALVINGS // features))
+    return min(FINEST_HALVINGS, most, MAX_HALVINGS // features)
