@@ -190,6 +190,7 @@ def _of_bags(arguments: argparse.Namespace, given: dict[str, Any]) -> _Task:
     request = bag_request(arguments.behavior, len(spec.features), **given)
     _check_options(arguments, request)
     bags = data_of_bags(arguments.bag, spec, request.recipe.every, request.recipe.patterns)
+    request = bag_request(arguments.behavior, len(spec.features), len(bags.read.patterns), **given)
     source = f"{'Bag' if len(arguments.bag) == 1 else 'Bags'} " + ", ".join(path.name for path in arguments.bag)
     numbers = len(set(bags.read.patterns.demonstration.tolist()))
     return _Task(request, bags.read.patterns, numbers, source, bags)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from math import floor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,8 +22,10 @@ from fbql.demonstrations.make_tree import InductionRequest, request_with
 
 FINEST_HALVINGS = 6
 """Halvings of a feature's range, where there are few features: regions of a 64th, as for the shipped trees."""
-MOST_FEATURES = 12
-"""Observations of a tree: the halves of each make already a table of `MAX_GRIDS` grids."""
+MOST_FEATURES = 10
+"""Observations of a tree: already the halves of each of more make a table that takes minutes."""
+MOST_BOXES = 200_000
+"""Boxes up to which an induction takes about a second."""
 _NAME = re.compile(r"[A-Za-z][\w-]{0,99}\Z", re.ASCII)
 
 
@@ -53,9 +54,9 @@ def data_of_bags(paths: Sequence[Path], spec: Spec, every: int, count: int | Non
     return BagData(read, recipe_of(spec, bags[0].types))
 
 
-def bag_request(name: str, features: int, **given: Any) -> InductionRequest:
+def bag_request(name: str, features: int, rows: int = 1, **given: Any) -> InductionRequest:
     """The request for a tree from bags: as `request_of`, with every command as a pattern, and regions as fine as so many
-    features allow. Raises BadInput.
+    features and patterns (`rows`) allow. Raises BadInput.
     """
     if name in OBSERVATIONS or not _NAME.match(name):
         raise BadInput(
@@ -64,11 +65,26 @@ def bag_request(name: str, features: int, **given: Any) -> InductionRequest:
         )
     if features > MOST_FEATURES:
         raise BadInput(f"{features} observations; at most {MOST_FEATURES} are supported, choose those that matter")
-    induction = replace(InductionParameters(), min_range=2.0 ** -halvings_for(features))
+    induction = replace(InductionParameters(), min_range=2.0 ** -halvings_for(features, rows))
     return request_with(name, Recipe(induction, induction, every=1, patterns=MAX_PATTERNS), **given)
 
 
-def halvings_for(features: int) -> int:
-    """How often the range of each of so many features can be halved, for a table of boxes that is not too large."""
-    most = floor(MAX_GRIDS ** (1.0 / features) + 1e-9) - 1
-    return min(FINEST_HALVINGS, most, MAX_HALVINGS // features)
+def halvings_for(features: int, rows: int) -> int:
+    """How often the range of each of so many features can be halved, for a table of boxes that is not too large; 1 at least."""
+    for halvings in range(FINEST_HALVINGS, 1, -1):
+        small = (halvings + 1) ** features <= MAX_GRIDS and features * halvings <= MAX_HALVINGS
+        if small and most_boxes(features, halvings, rows) <= MOST_BOXES:
+            return halvings
+    return 1
+
+
+def most_boxes(features: int, halvings: int, rows: int) -> int:
+    """The most boxes that so many patterns can fill: of each grid no more than it has cells, nor than there are patterns."""
+    grids = [1]  # by the halvings of all features together, how many grids there are
+    for _ in range(features):
+        longer = [0] * (len(grids) + halvings)
+        for total, number in enumerate(grids):
+            for more in range(halvings + 1):
+                longer[total + more] += number
+        grids = longer
+    return sum(number * min(rows, 2**total) for total, number in enumerate(grids))
