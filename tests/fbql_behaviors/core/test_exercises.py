@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from fbql_behaviors.core.exercises import (
     CONTACT_STEPS,
+    EXERCISES,
     FACING_STEPS,
     FULL_SPEED_M_S,
     OWN_GOAL_STEPS,
@@ -199,3 +200,11 @@ def test_an_episode_ends_where_it_arrives() -> None:
 
 def test_an_episode_that_does_not_arrive_is_truncated() -> None:
     assert drive(STOP, exercise_of("ball_seeking"), Still(steps=9999), 0).steps == 600
+
+
+def test_an_attempt_takes_at_most_the_steps_of_its_exercise() -> None:
+    assert {name: exercise.max_steps for name, exercise in EXERCISES.items()} == {
+        "ball_seeking": 600,
+        "wall_avoiding": 1000,
+        "approaching": 600,
+    }

@@ -20,6 +20,7 @@ from fbql_behaviors.core.leaf_tuning import (
     smdp_target,
     step_size,
     tune,
+    tuning_of,
     updated_q,
 )
 from fbql_behaviors.core.observation import OBSERVATIONS
@@ -256,3 +257,18 @@ def test_a_parameter_out_of_range_is_named(values: dict[str, float], what: str) 
 def test_a_negative_seed_is_refused() -> None:
     with pytest.raises(BadInput, match="seed is -1"):
         tune(ONE_LEAF, exercise(), Rail(), DT_S, GREEDY, -1)
+
+
+def test_progress_is_told_after_each_episode_with_the_number_driven() -> None:
+    told: list[int] = []
+    tune(ONE_LEAF, exercise(max_steps=5), Rail(), DT_S, replace(GREEDY, episodes=3), 0, told.append)
+    assert told == [1, 2, 3]
+
+
+def test_every_behavior_is_tuned_by_the_same_setting_but_for_the_one_without_an_end() -> None:
+    usual = TuningParameters(
+        episodes=4000, max_change=1, discount=1.0, credit_steps=40, hold_steps=60, learning_rate=0.003,
+        epsilon_start=0.2, epsilon_end=0.05, min_updates=20,
+    )  # fmt: skip
+    assert tuning_of("ball_seeking") == tuning_of("approaching") == tuning_of("dance") == usual
+    assert tuning_of("wall_avoiding") == replace(usual, episodes=400, discount=0.99)

@@ -195,3 +195,15 @@ def test_a_copy_of_a_tree_is_the_same_tree(copy_of: Callable[[Tree], Tree]) -> N
     assert (other.hash, other.origin) == (tree.hash, tree.origin)
     assert [other.answer([x]) for x in (0.2, 0.7)] == [(0, 1, 2), (1, 4, 5)]
     assert [other.contains([x]) for x in (0.2, 1.5)] == [True, False]
+
+
+def test_a_tree_has_between_1_and_64_features_of_different_names() -> None:
+    many = tuple(Feature(f"f{k}", "m", 0.0, 1.0) for k in range(64))
+    assert tree_of([0], 1, many).leaf_count == 1
+    for features, says in (
+        ((), "a tree needs at least one feature"),
+        ((*many, FEATURES[0]), "65 features; at most 64 are supported"),
+        ((FEATURES[0], FEATURES[1], FEATURES[0]), "feature 'distance' occurs twice"),
+    ):
+        with pytest.raises(BadInput, match=says):
+            tree_of([0], 1, features)

@@ -671,3 +671,15 @@ def test_what_cannot_be_divided_is_none():
 
 def test_digest_of_nothing_is_that_of_no_bytes():
     assert SoccerSession(FusionParameters()).digest == sha256(b"").hexdigest()
+
+
+def test_without_a_tie_the_best_gains_whatever_the_tie_rule():
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0, tie_rule="first"))
+    play(session, steps=10)
+    policy = session.policy()
+    assert policy is not None
+    again = SoccerSession(FusionParameters(controller="fbql_literal", guided=0, tie_rule="none"), policy)
+    before = learned(again)[1, 2, 3][1]
+    for _ in range(3):
+        play(again, steps=10)
+    assert learned(again)[1, 2, 3][1] != before, "its values are not tied any more"

@@ -76,6 +76,13 @@ def doubling(times: int, text: str = "") -> str:
     return "".join(parts) + text
 
 
+def test_every_primitive_type_of_ros_is_read():
+    signed = [f"int{bits}" for bits in (8, 16, 32, 64)]
+    kinds = ["bool", "float32", "float64", "string", *signed, *(f"u{kind}" for kind in signed)]
+    schema = "\n".join(f"{kind} f_{kind}" for kind in [*kinds, "byte", "char"])
+    assert [field.kind for field in fields_of("pkg/msg/A", schema)] == [*kinds, "uint8", "uint8"]
+
+
 @pytest.mark.parametrize(
     ("schema", "says"),
     [

@@ -179,3 +179,10 @@ def test_approx_kl_is_never_below_0_and_0_where_nothing_changed(pairs: list[tupl
     drawn = np.zeros(len(pairs), dtype=np.int64)
     assert eq.approx_kl(weights, drawn, then) >= -1e-9
     assert eq.approx_kl(weights, drawn, now) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_large_preferences_give_weights_and_no_overflow() -> None:
+    theta = np.array([[1000.0, 1001.0], [-1000.0, -1000.0]])
+    assert eq.weights_of(theta, np.array([[0], [1]])) == pytest.approx(
+        np.array([[1 / (1 + np.e), np.e / (1 + np.e)], [0.5, 0.5]])
+    )
