@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from fbql_behaviors.core.observation import OBSERVATIONS, Feature
-from fbql_behaviors.core.patterns import Demonstration, Patterns, patterns_from_rows, patterns_of
+from fbql_behaviors.core.patterns import MAX_PATTERNS, Demonstration, Patterns, patterns_from_rows, patterns_of
 from fbql_behaviors.core.quantizer import wheel_class_of
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import WheelCommand, World
@@ -84,6 +84,16 @@ def test_ten_million_patterns_are_refused_with_the_memory_they_would_take() -> N
     n = 10_000_000
     with pytest.raises(BadInput, match=r"^10000000 patterns, whose induction would take about 2\.3 GiB of memory"):
         Patterns(FEATURES, np.zeros((n, 2)), np.zeros(n, np.int64), np.zeros(n, np.int64))
+
+
+def test_as_many_patterns_as_are_supported_are_taken_and_not_one_more() -> None:
+    for n, taken in ((MAX_PATTERNS, True), (MAX_PATTERNS + 1, False)):
+        x, zeros = np.zeros((n, 2)), np.zeros(n, np.int64)
+        if taken:
+            assert len(Patterns(FEATURES, x, zeros, zeros)) == n
+        else:
+            with pytest.raises(BadInput, match="at most 5000000 are supported"):
+                Patterns(FEATURES, x, zeros, zeros)
 
 
 def test_the_sha256_depends_on_attributes_classes_and_units() -> None:

@@ -131,3 +131,9 @@ def test_a_text_ends_with_its_only_null_character(kind):
 def test_a_text_that_no_message_can_hold_is_a_type_error(text):
     with pytest.raises(TypeError):
         Codec(["string"]).encode((text,))
+
+
+@pytest.mark.parametrize("kind", ["float128", "sequence<float128>", "sequence<sequence<float64>>", "sequence"])
+def test_a_kind_that_is_not_on_the_wire_is_refused(kind: str) -> None:
+    with pytest.raises(TypeError, match="is not supported by the CDR codec"):
+        Codec(["float64", kind])
