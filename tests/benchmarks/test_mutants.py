@@ -187,6 +187,7 @@ def test_every_core_has_mutants_and_listed_equivalents_are_among_them(measured: 
     known = measured.known_equivalents()
     assert known.keys() <= {each.key for each in found}
     assert all(known.values()), "each has a reason"
+    assert all(any((ROOT / "tests").glob(name)) for name in measured.TESTS)
 
 
 def test_equivalents_are_not_counted_unless_a_test_notices_them(measured: Any) -> None:
