@@ -6,8 +6,8 @@ their own process. A mutant that uses up its time counts as noticed, one whose l
 results are appended to a file of JSON lines; the same command resumes where it stopped, and --again retries the
 survivors.
 
-A survivor is a missing test, or equivalent: no test could notice it, or it only changes how fast something is. Those known to be equivalent are listed with the
-reason in measure/equivalent_mutants.json and are not counted.
+A survivor is a missing test, or equivalent: no test could notice it, or it only changes how fast something is. Those
+known to be equivalent are listed with the reason in measure/equivalent_mutants.json and are not counted.
 """
 
 from __future__ import annotations
