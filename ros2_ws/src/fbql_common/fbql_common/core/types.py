@@ -7,6 +7,7 @@ SI units, radians, frame "field" (x towards the attacked goal, y to the left), o
 from __future__ import annotations
 
 from enum import IntEnum
+from operator import itemgetter
 from typing import Any, NamedTuple, Protocol, cast
 
 FIELD_FRAME = "field"
@@ -80,10 +81,8 @@ class BehaviorOutput(NamedTuple):
     active = True
     """Always: a behavior that must not drive sends no answer."""
 
-    @property
-    def command(self) -> tuple[float, float]:
-        """The reference as a command in `field.WHEELS`."""
-        return self[4], self[5]
+    command = cast("tuple[float, float]", property(itemgetter(4, 5)))
+    """The reference as a command in `field.WHEELS`. An itemgetter, since every step reads it several times."""
 
 
 class WheelCommand(NamedTuple):

@@ -35,19 +35,20 @@ def blend(weights: Sequence[float], answers: Answers, space: CommandSpace) -> Bl
         weights: w_i, length n.
         answers: length n; None where a behavior did not answer.
     """
-    live = [answer is not None and answer.active for answer in answers]
-    if len(weights) == len(live) and False not in live and -SUM_TOLERANCE < sum(weights) - 1.0 < SUM_TOLERANCE:
+    commands = [answer.command for answer in answers if answer is not None and answer.active]
+    # False for a NaN too, so that bad weights take the long way.
+    if len(weights) == len(answers) == len(commands) and -SUM_TOLERANCE < sum(weights) - 1.0 < SUM_TOLERANCE:
         used, rejected = tuple(weights), False
     else:
+        live = [answer is not None and answer.active for answer in answers]
         used, rejected = live_weights(weights, live)
-    nothing = space.standstill
-    commands = [nothing if answer is None else answer.command for answer in answers]
+        commands = [space.standstill if answer is None else answer.command for answer in answers]
     command: list[float] = []
-    for axis, values in zip(space.axes, zip(*commands, strict=True), strict=True):
+    for (_, _, low, high, _), values in zip(space.axes, zip(*commands)):  # noqa: B905 - every command has the axes
         blended = 0.0
-        for weight, value in zip(used, values, strict=True):
+        for weight, value in zip(used, values):  # noqa: B905 - as many as each other
             blended += weight * value
-        command.append(min(max(blended, axis.low), axis.high))
+        command.append(low if blended < low else high if blended > high else blended)
     return Blend(tuple(command), used, rejected)
 
 

@@ -228,7 +228,7 @@ class Session[M: Moment, C, R]:
         if phase is Phase.GUIDED:
             weights, driver, _, _ = self._guided.select(moment, joint_state, heard)
         alone = heard[driver] if driver >= 0 else None
-        if alone is not None:
+        if alone is not None and alone.active:
             command = alone.command
         else:
             command, weights, rejected = blend(weights, heard, self._space)
