@@ -16,10 +16,10 @@ Row = Mapping[str, Any]
 
 
 def read_rows(path: Path) -> list[dict[str, Any]]:
-    """The rows of a file, or none if there is no file; a truncated line is left out."""
+    """The rows of a file, or none if there is no file; a line that is cut off, or not UTF-8, is left out."""
     rows: list[dict[str, Any]] = []
     if path.exists():
-        for line in path.read_text().splitlines():
+        for line in path.read_bytes().splitlines():
             try:
                 rows.append(json.loads(line))
             except ValueError:

@@ -247,7 +247,7 @@ class SetUp:
         """Move away something that is in the way."""
         kept = self.target.state / "set-aside"
         kept.mkdir(exist_ok=True)
-        number = next(number for number in itertools.count(1) if not (kept / f"{path.name}-{number}").exists())
+        number = next(number for number in itertools.count(1) if not os.path.lexists(kept / f"{path.name}-{number}"))
         place = kept / f"{path.name}-{number}"
         shutil.move(path, place)
         say(f"{path} was not made by this set-up: it is now {place}")

@@ -46,3 +46,9 @@ def test_a_line_that_was_cut_off_is_left_out_and_the_next_row_begins_a_line(rows
         append({"number": 1})
         append({"number": 2})
     assert [row["number"] for row in rows.read_rows(path)] == [0, 1, 2]
+
+
+def test_a_line_that_is_cut_off_or_not_utf8_is_left_out(rows: ModuleType, tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    path.write_bytes(b'{"number": 0}\n{"name": "\xff"}\n{"number": 1}\n{"num')
+    assert rows.read_rows(path) == [{"number": 0}, {"number": 1}]

@@ -95,7 +95,7 @@ class RunRecorder:
             self._recorder = Recorder(
                 self.path, _channels(session.behaviors, resolve), custom_data(config), attachments, report
             )
-        except BadInput:
+        except (BadInput, OSError):
             self._directory.discard()
             raise
 
