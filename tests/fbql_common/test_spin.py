@@ -91,7 +91,7 @@ def test_bad_input_is_one_line_and_exit_code_2(start_node, tmp_path):
     tree = str(shipped_tree("approaching"))
     nodes = [
         ("simulator: unknown arguments: -p seed:=7", start_node("fbql_sim", "simulator", "-p", "seed:=7")),
-        ("fusion: unknown arguments: --help", start_node("fbql_fusion", "fusion", "--help")),
+        ("fusion: unknown arguments: --halp", start_node("fbql_fusion", "fusion", "--halp")),
     ]
     for said, arguments in cases.items():
         executable = ("fbql_behaviors", "behavior") if "{tree}" in str(arguments) else ("fbql_sim", "simulator")

@@ -13,6 +13,7 @@ STAMPS = {
     "fbql_behaviors/teleop_node.py",
     "fbql_common/watch.py",
     "fbql_fusion/status.py",
+    "fbql_behaviors/twist_behavior_node.py",
     "fbql_fusion/twist_mux_node.py",
     "fbql_sim/views.py",
 }

@@ -146,7 +146,7 @@ def test_what_to_type_next_is_understood_for_a_controller_of_ones_own(tmp_path: 
             if policy is not None:
                 policy.touch()
             lines = next_steps(summary, tmp_path, same_options(first), True, controller_options(first)).splitlines()
-            typed = [shlex.split(line)[2:] for line in lines if "bringup.py" in line]
+            typed = [shlex.split(line)[2:] for line in lines if "bringup.py" in line and "--watch" not in line]
             assert len(typed) == 2
             found = [match(*(each[: each.index("--realtime")] if "--realtime" in each else each)) for each in typed]
             assert asdict(found[1].fusion) == asdict(first.fusion)

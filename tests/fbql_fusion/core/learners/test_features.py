@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from fbql_common.core.types import NO_LEAF
 from fbql_fusion.core.learners.features import KNOTS, Features, Resolution, Scales, Situation
+from fbql_fusion.core.learners.tilings import Tilings, critic_tilings
+from fbql_fusion.core.tasks.soccer.critic import WIDTHS
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -34,10 +36,16 @@ def sensed(rng: np.random.Generator, count: int) -> list[Situation]:
     return [situation(tuple(rng.integers(0, 5, 3).tolist()), row) for row in values.tolist()]
 
 
+def critic_of(resolution: Resolution) -> Tilings:
+    return critic_tilings(WIDTHS, resolution.world_tilings)
+
+
 def made(resolution: Resolution = DEFAULT, mirror: bool = True) -> Features:
     rng = np.random.default_rng(1)
     scales = Scales.of(sensed(rng, 300), mirror)
-    return Features(scales, resolution, Features.random_offsets(resolution, len(scales.knots), rng))
+    return Features(
+        scales, resolution, Features.random_offsets(resolution, len(scales.knots), rng), critic_of(resolution)
+    )
 
 
 def mirrored(given: Situation) -> Situation:
@@ -308,7 +316,7 @@ def test_what_v_is_told_comes_after_the_active_features_and_is_kept_too() -> Non
     inputs = {f for row in rows for f in row[features.active_features :]}
     assert not inputs & {f for each in seen for f in features.known(each)}
     assert features.known(seen[0]) == features.known(seen[0]._replace(critic_inputs=())), "frozen play does without"
-    again = Features.from_arrays(features.to_arrays(), features.resolution, 3)
+    again = Features.from_arrays(features.to_arrays(), features.resolution, 3, critic_of(features.resolution))
     assert [again.row(each) for each in seen] == rows
     assert len(again) == len(features)
 
