@@ -164,7 +164,7 @@ def test_the_run_is_named_after_time_controller_and_seed_unless_told(start: Star
 def test_a_reader_that_leaves_and_a_disk_that_is_full_are_no_traceback(start: Start) -> None:
     run = start(*ONE, "--episodes", "1", "--max-steps", "30", before=["sh", "-c", '"$@" > /dev/full', "sh"])
     assert run.exit_code() == 1
-    assert "No space left on device" in run.stderr
+    assert "the result on stdout: cannot be written (No space left on device)" in run.stderr
     assert "it is also in" in run.stderr
     assert "Traceback" not in run.stderr
     closed = ["bash", "-c", '"$@" | true; exit "${PIPESTATUS[0]}"', "sh"]

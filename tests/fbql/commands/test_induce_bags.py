@@ -6,13 +6,14 @@ import ctypes
 import json
 import shutil
 import subprocess
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from commands import induce, tree
-from fbql.demonstrations.from_bags import FINEST_HALVINGS, bag_request, halvings_for, most_boxes
+from fbql.demonstrations.from_bags import FINEST_HALVINGS, MOST_BOXES, bag_request, halvings_for, most_boxes
 from fbql_behaviors.bag_reading import load_spec, read_bag
 from fbql_behaviors.core.bag_patterns import patterns_of_bags
 from fbql_behaviors.core.behavior import Behavior
@@ -159,6 +160,8 @@ def test_regions_are_as_fine_as_the_table_of_boxes_allows(features: int) -> None
 
 def test_many_patterns_of_many_features_get_coarser_regions() -> None:
     assert [halvings_for(features, 2000) for features in (1, 2, 3, 4, 6)] == [6, 6, 5, 3, 2]
+    by_hand = {h: sum(min(2000, 2 ** sum(grid)) for grid in product(range(h + 1), repeat=3)) for h in (5, 6)}
+    assert by_hand[5] <= MOST_BOXES < by_hand[6], "of three features"
     assert most_boxes(2, 3, 10**9) == 15**2, "the cells of all grids"
     assert most_boxes(2, 3, 1) == 4**2, "one box of each grid"
 

@@ -97,3 +97,4 @@ def test_a_replay_is_watched(start: Start, terminal: Terminal, tmp_path: Path) -
     assert result["complete"] is True
     assert result["messages"] >= json.loads(made.stdout)["messages_recorded"] - 5
     assert "drives alone, because of its rule" in re.sub(r"\x1b\[\d+H\x1b\[K|\n", " ", terminal.shown)
+    assert "episode 0: goal after" in terminal.shown

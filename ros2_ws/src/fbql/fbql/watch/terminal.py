@@ -44,6 +44,8 @@ class MatchScreen:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if error is None and not self.gone:
+            self._draw()  # the last moment may have come just after a picture
         self._screen.__exit__(kind, error, trace)
 
     @property
@@ -66,5 +68,8 @@ class MatchScreen:
         if now_s - self._drawn_s < PICTURE_S:
             return
         self._drawn_s = now_s
+        self._draw()
+
+    def _draw(self) -> None:
         columns, rows = self._screen.size
         self._screen.show(match_page(self.moments, self.pace, self.message, columns, rows, self._screen.ascii_only))
