@@ -151,9 +151,29 @@ def test_any_arguments_of_a_command_are_done_or_refused(things, tmp_path, monkey
         judge(code, words, *capsys.readouterr())
 
 
+def accept_or_refuse(take: Callable[[list[str]], object], words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Calls what takes words; what it refuses it must refuse in one printable line."""
+    with bounded(LONGEST_COMMAND_S):
+        try:
+            take(words)
+            code = 0
+        except BadInput as error:
+            assert str(error).isprintable()
+            code = 2
+        except SystemExit as end:
+            code = end.code
+    out, err = capsys.readouterr()
+    assert code in (0, 2), words
+    assert all(each.isprintable() for each in [*out.splitlines(), *err.splitlines()]), words
+
+
 def test_any_arguments_of_bringup_are_a_match_or_refused(things, tmp_path, monkeypatch, capsys):
     """All that is refused before there is a process; nothing is started."""
     from fbql.commands import bringup
+
+    def prepare(words: list[str]) -> None:
+        with closing(LiveLine()) as line:
+            bringup._prepare(bringup.parser("bringup.py").parse_args(words), line, Interrupts())
 
     (tmp_path / "cwd").mkdir()
     monkeypatch.chdir(tmp_path / "cwd")
@@ -161,37 +181,19 @@ def test_any_arguments_of_bringup_are_a_match_or_refused(things, tmp_path, monke
         words = words_for(bringup.parser("bringup.py"), things, rng, tmp_path / f"out{number}")
         words = [word for word in words if not word.startswith("--foxglove")]
         monkeypatch.setenv("ROS_DOMAIN_ID", rng.choice(("", "0", "232", "233", *NUMBERS[:-1])))
-        with bounded(LONGEST_COMMAND_S), closing(LiveLine()) as line:
-            try:
-                bringup._prepare(bringup.parser("bringup.py").parse_args(words), line, Interrupts())
-                code = 0
-            except BadInput as error:
-                assert str(error).isprintable()
-                code = 2
-            except SystemExit as end:
-                code = end.code
-        out, err = capsys.readouterr()
-        assert code in (0, 2), words
-        assert all(each.isprintable() for each in [*out.splitlines(), *err.splitlines()]), words
+        accept_or_refuse(prepare, words, capsys)
 
 
 def test_any_arguments_of_experiment_are_tasks_or_refused(things, tmp_path, capsys):
     from fbql_studies import experiment
 
     parser = experiment.parser("experiment.py")
+
+    def tasks_of(words: list[str]) -> None:
+        options = parser.parse_args(words)
+        study_of(options.study).tasks(options)
+
     for number, rng in enumerate(dice(40)):
         words = words_for(parser, things, rng, tmp_path / f"out{number}")
-        with bounded(LONGEST_COMMAND_S):
-            try:
-                options = parser.parse_args(words)
-                study_of(options.study).tasks(options)
-                code = 0
-            except BadInput as error:
-                assert str(error).isprintable()
-                code = 2
-            except SystemExit as end:
-                code = end.code
-        out, err = capsys.readouterr()
-        assert code in (0, 2), words
-        assert all(each.isprintable() for each in [*out.splitlines(), *err.splitlines()]), words
+        accept_or_refuse(tasks_of, words, capsys)
     assert set(STUDIES) <= set(parser._actions[1].choices)

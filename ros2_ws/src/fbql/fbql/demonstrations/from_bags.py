@@ -18,7 +18,7 @@ from fbql_behaviors.core.patterns import MAX_PATTERNS
 from fbql_behaviors.core.recipes import Recipe
 from fbql_common.core.errors import BadInput
 
-from fbql.demonstrations.make_tree import InductionRequest, request_with
+from fbql.demonstrations.make_tree import InductionRequest, request_of
 
 FINEST_HALVINGS = 6
 """Halvings of a feature's range, where there are few features: regions of a 64th, as for the shipped trees."""
@@ -66,7 +66,7 @@ def bag_request(name: str, features: int, rows: int = 1, **given: Any) -> Induct
     if features > MOST_FEATURES:
         raise BadInput(f"{features} observations; at most {MOST_FEATURES} are supported, choose those that matter")
     induction = replace(InductionParameters(), min_range=2.0 ** -halvings_for(features, rows))
-    return request_with(name, Recipe(induction, induction, every=1, patterns=MAX_PATTERNS), **given)
+    return request_of(name, Recipe(induction, induction, every=1, patterns=MAX_PATTERNS), **given)
 
 
 def halvings_for(features: int, rows: int) -> int:

@@ -67,6 +67,7 @@ class InducedTree:
 
 def request_of(
     behavior: str,
+    recipe: Recipe | None = None,
     *,
     method: str | None = None,
     objective: str | None = None,
@@ -79,6 +80,7 @@ def request_of(
     """The request for a behavior's tree: its recipe, overridden by the given arguments.
 
     Args:
+        recipe: by default that of the registered behavior.
         method: rl (trials), dp (exact) or cart (scikit-learn).
         objective: what a tree is worth: weighted, or as printed in the paper.
         every: take every n-th step of a demonstration as a pattern.
@@ -89,33 +91,9 @@ def request_of(
     Raises:
         BadInput: an unknown behavior or parameter, or a value out of range.
     """
-    observation_of(behavior)
-    return request_with(
-        behavior,
-        recipe_of(behavior),
-        method=method,
-        objective=objective,
-        seed=seed,
-        every=every,
-        patterns=patterns,
-        leaves=leaves,
-        **parameters,
-    )
-
-
-def request_with(
-    behavior: str,
-    recipe: Recipe,
-    *,
-    method: str | None = None,
-    objective: str | None = None,
-    seed: int = INDUCTION_SEED,
-    every: int | None = None,
-    patterns: int | None = None,
-    leaves: int | None = None,
-    **parameters: Any,
-) -> InductionRequest:
-    """The request for a tree by a recipe of one's own; otherwise as `request_of`."""
+    if recipe is None:
+        observation_of(behavior)
+        recipe = recipe_of(behavior)
     is_cart = method == CART
     if is_cart:
         scikit_learn()  # refused here, before anything takes long

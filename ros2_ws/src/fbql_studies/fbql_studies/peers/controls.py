@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fbql_behaviors.core.behavior import Behavior
+from fbql_fusion.core.controllers.interface import one_hot_weights
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_sim.core.world_loop import WorldLoop
 
@@ -60,8 +61,7 @@ class Controls:
         found = {LAW: score_of_law(run_seed, episodes)}
         for method, each in sessions.items():
             found[method] = score_of(each, self._behaviors, self._loop)
-        places = range(len(self._behaviors))
-        single = [tuple(1.0 if i == driver else 0.0 for i in places) for driver in places]
+        single = one_hot_weights(len(self._behaviors))
         for method, weights in {CONSTANT: self.weights, **dict(zip(ALONE, single, strict=True))}.items():
             found[method] = self._score(weights, run_seed, episodes)
         return found

@@ -6,7 +6,7 @@ from typing import Any
 
 from fbql_common.core.types import Phase
 
-from fbql_fusion.core.controllers.interface import JointState, Selection
+from fbql_fusion.core.controllers.interface import JointState, Selection, one_hot_weights
 from fbql_fusion.core.tasks.interface import Answers, Guide
 
 
@@ -19,8 +19,9 @@ class Guided:
 
     def __init__(self, guide: Guide, behaviors: int) -> None:
         self._guide = guide
-        alone = [tuple([1.0 if i == driver else 0.0 for i in range(behaviors)]) for driver in range(behaviors)]
-        self._selections: list[Selection] = [(weights, driver, (), ()) for driver, weights in enumerate(alone)]
+        self._selections: list[Selection] = [
+            (weights, driver, (), ()) for driver, weights in enumerate(one_hot_weights(behaviors))
+        ]
         self._selections.append(((0.0,) * behaviors, -1, (), ()))
 
     def begin_episode(self, phase: Phase) -> None:

@@ -24,6 +24,11 @@ The learned weights are the learner's w(s, B_i), also when they were only used t
 """
 
 
+def one_hot_weights(behaviors: int) -> tuple[tuple[float, ...], ...]:
+    """The weights with which each of n behaviors drives alone, by its index."""
+    return tuple(tuple(1.0 if i == driver else 0.0 for i in range(behaviors)) for driver in range(behaviors))
+
+
 class Transition(NamedTuple):
     """A transition from one step to the next, from which a controller learns. It is complete: no step or answer is
     missing."""

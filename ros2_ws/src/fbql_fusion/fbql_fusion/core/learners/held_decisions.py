@@ -17,7 +17,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.types import DRIVER_BLEND, Phase
 from numpy.typing import NDArray
 
-from fbql_fusion.core.controllers.interface import JointState, Selection, Transition
+from fbql_fusion.core.controllers.interface import JointState, Selection, Transition, one_hot_weights
 from fbql_fusion.core.learners import trajectories
 from fbql_fusion.core.learners.features import Features, Resolution, Scales, Situation
 from fbql_fusion.core.learners.linear import CAPACITY, Floats, grow_table, padded
@@ -87,7 +87,7 @@ class HeldDecisions(ABC):
             holding.world_tilings,
             parameters.fbql_mirror,
         )
-        self._alone = tuple(tuple(1.0 if i == driver else 0.0 for i in range(n)) for driver in range(n))
+        self._alone = one_hot_weights(n)
         self._features: Features | None = None
         self._lengths: tuple[int, ...] | None = None
         """How many numbers each behavior senses, length n, once it is known."""
