@@ -48,7 +48,7 @@ class CommandProcess:
                 stdout=stdout,
                 stderr=stderr if terminal is None else terminal,
                 start_new_session=True,
-                preexec_fn=None if terminal is None else take_terminal,
+                preexec_fn=_heed_signals if terminal is None else take_terminal,
             )
 
     @property
@@ -93,6 +93,13 @@ class CommandProcess:
                 os.kill(pid, signal.SIGKILL)
 
 
+def _heed_signals() -> None:
+    """Signals do what they do by default, also where ours are ignored: under nohup, or in the background of a shell."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def take_terminal() -> None:
     """Makes the terminal that is stdin the controlling one, so that it sends its signals here."""
+    _heed_signals()
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)

@@ -4,8 +4,9 @@ Each run starts bringup.py with a match without end, in one process or in severa
 to a node, while the graph starts or while it plays; SIGSTOP stands for a node that hangs. Then it checks:
 
 end       bringup.py ends within 60 s, and within 5 s more no process of it is left
-exit      a signal to bringup.py ends the match in good order (0; 1 before it began; killed: no exit code of its own); one to
-          a node is a failure (1 or 3); no traceback; stdout is empty or one JSON object
+exit      a signal to bringup.py ends the match in good order (0; 1 before the match began; no exit code of its own where it
+          was killed, or had not begun to run); one to a node is a failure (1 or 3); no traceback; stdout is empty or one
+          JSON object
 loss      every command that a listener of another process heard is in the recording, but for those of the last flush
           period (0.5 s) before the signal
 recording it is finished and verifies, or `recover` repairs it and the repaired one verifies
@@ -24,7 +25,9 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import closing
+from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 from time import monotonic, sleep
@@ -220,7 +223,8 @@ def _said(plan: Plan, bringup: Bringup) -> Iterator[str]:
     elif plan.signal == "SIGKILL":
         right = code == -signal.SIGKILL
     else:
-        right = code in (0, 1)
+        unbegun = not bringup.out.exists()  # it was still being loaded
+        right = code in (0, 1) or (unbegun and code == -signal.Signals[plan.signal])
     if not right:
         yield f"exit code {code}"
     if "Traceback" in stderr:
@@ -298,16 +302,16 @@ def main(argv: Sequence[str]) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     rows = [row for row in read_rows(arguments.out) if row["number"] < arguments.runs]
     done = {row["number"] for row in rows}
-    with row_appender(arguments.out) as append:
-        for number in range(arguments.runs):
-            if number in done:
-                continue
-            row = run_once(plan(arguments.seed, number))
+    plans = [plan(arguments.seed, number) for number in range(arguments.runs) if number not in done]
+    workers = ProcessPoolExecutor(arguments.workers, get_context("spawn"))
+    with row_appender(arguments.out) as append, workers:
+        for future in as_completed([workers.submit(run_once, each) for each in plans]):
+            row = future.result()
             append(row)
             rows.append(row)
             words = "; ".join(row["faults"]) or "well"
             what = f"{row['signal']} to {row['target']} ({row['processes']}, {row['controller']}, {row['phase']})"
-            print(f"{number + 1}/{arguments.runs} {what}: {words}", file=sys.stderr, flush=True)
+            print(f"{row['number']} ({len(rows)}/{arguments.runs}) {what}: {words}", file=sys.stderr, flush=True)
     faults = [row for row in rows if row["faults"]]
     if arguments.json:
         print_result(json.dumps({"runs": len(rows), "faults": len(faults), "table": table(rows)}))
@@ -322,14 +326,16 @@ def _run(arguments: argparse.Namespace) -> int:
 def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = Parser(prog=PROGRAM, description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--runs", type=int, default=20, metavar="N", help="number of bring-ups (20)")
+    parser.add_argument("--workers", type=int, default=1, metavar="N", help="number of bring-ups at a time (1)")
     parser.add_argument("--seed", type=int, default=1, metavar="S", help="seed of all that is random (1)")
     parser.add_argument(
         "--out", type=Path, default=Path("kills.jsonl"), metavar="FILE", help="file of results (kills.jsonl)"
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args(list(argv))
-    if arguments.runs < 1:
-        parser.error(f"--runs is {arguments.runs}; it must be 1 or more")
+    for name in ("runs", "workers"):
+        if getattr(arguments, name) < 1:
+            parser.error(f"--{name} is {getattr(arguments, name)}; it must be 1 or more")
     if arguments.seed < 0:
         parser.error(f"--seed is {arguments.seed}; it must be 0 or more")
     return arguments

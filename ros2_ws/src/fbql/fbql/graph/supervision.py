@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from functools import partial
@@ -80,6 +81,12 @@ class GraphFailed(Exception):
         super().__init__(text)
         self.process = process
         self.is_refusal = is_refusal
+
+    @property
+    def output(self) -> str:
+        """The end of what the process printed, where that says why it ended: one that SIGINT ended while it was still
+        being loaded printed only how far it had come."""
+        return "" if self.process is None or self.process.exit_code == -signal.SIGINT else self.process.tail()
 
 
 class Supervision:
@@ -160,7 +167,7 @@ class Supervision:
         if failure is not None and failure.is_refusal:
             raise BadInput(failure)
         if failure is not None:
-            self._line.complain(_failure_text(failure, match), failure.process.tail() if failure.process else "")
+            self._line.complain(_failure_text(failure, match), failure.output)
         if killed:
             self._line.complain(f"did not end in time and had to be killed: {', '.join(killed)}")
         self._report_shared_memory()
@@ -293,5 +300,5 @@ class Supervision:
 def _failure_text(failure: GraphFailed, match: Match) -> str:
     """What failed, and how much was played until then."""
     shortfall = Asked(match.fusion.episodes, match.fusion.goals).shortfall(*played_so_far(match.out))
-    shown = "" if failure.process is None else f"; its output ({failure.process.log_file}):"
+    shown = f"; its output ({failure.process.log_file}):" if failure.process and failure.output else ""
     return f"{failure}{shortfall and f' after {shortfall}'}{shown}"
