@@ -283,7 +283,10 @@ def is_ours(path: Path) -> bool:
     """Whether the set-up made the directory `path`: then one of its stamps is in it. An empty one counts as ours."""
     if path.is_symlink() or not path.is_dir():
         return False
-    return any((path / mark).exists() for mark in MARKS) or not any(path.iterdir())
+    try:
+        return any((path / mark).exists() for mark in MARKS) or not any(path.iterdir())
+    except OSError:  # somebody else's, which can't be read
+        return False
 
 
 def remove(path: Path) -> None:

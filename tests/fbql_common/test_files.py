@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import stat
 import threading
 from pathlib import Path
 
 import pytest
-from fbql_common.files import append_whole, atomic_file, atomic_text, output_directory, write_atomically
+from fbql_common.files import append_whole, atomic_file, atomic_text, is_locked, output_directory, write_atomically
 from file_limit import largest_file
 
 
@@ -106,3 +107,22 @@ def test_a_directory_of_our_own_is_removed_with_what_is_in_it_unless_it_was_ther
             (path / "figure").touch()
             raise OSError(errno.ENOSPC, "full")
         assert path.exists() == present
+
+
+def test_a_temporary_file_of_a_killed_process_is_no_hindrance_and_stays(tmp_path: Path) -> None:
+    """Process ids come again, above all in containers."""
+    left = tmp_path / f".file.{os.getpid()}.tmp"
+    left.write_text("half")
+    write_atomically(tmp_path / "file", b"x")
+    assert names_in(tmp_path) == [left.name, "file"]
+
+
+def test_processes_that_look_at_a_lock_at_once_do_not_see_each_other(tmp_path: Path) -> None:
+    path = tmp_path / "lock"
+    path.touch()
+    with path.open("rb") as looking, path.open("rb") as holding:
+        fcntl.flock(looking, fcntl.LOCK_SH)
+        assert not is_locked(path)
+        fcntl.flock(looking, fcntl.LOCK_UN)
+        fcntl.flock(holding, fcntl.LOCK_EX)
+        assert is_locked(path)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import fcntl
 import os
+import socket
 from pathlib import Path
+from threading import Event
 
 import pytest
 from fbql_common import middleware
@@ -111,6 +113,17 @@ def test_a_node_that_would_look_for_a_host_that_can_not_be_found_is_refused(name
     os.environ[name] = value
     with pytest.raises(BadInput, match=f"^{name}: '.*' can't be found .*; correct it, or unset {name}$"):
         told(prepare_node)
+
+
+def test_a_name_server_that_does_not_answer_is_waited_for_only_so_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = Event()
+    monkeypatch.setattr(middleware, "SEARCH_S", 0.05)
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_: answer.wait())
+    os.environ[RANGE] = "SUBNET"
+    os.environ["ROS_STATIC_PEERS"] = "peer"
+    with pytest.raises(BadInput, match=r"^ROS_STATIC_PEERS: 'peer' can't be found \(no answer within 0.05 s\); "):
+        told(prepare_node)
+    answer.set()
 
 
 @pytest.mark.parametrize(

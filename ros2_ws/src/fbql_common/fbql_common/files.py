@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from pathlib import Path
 from typing import BinaryIO, TextIO
+from uuid import uuid4
 
 from fbql_common.core.errors import BadInput
 
@@ -40,10 +41,11 @@ def atomic_file(path: Path) -> Generator[BinaryIO]:
             yield file
         return
     target = Path(os.path.realpath(path))
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    temporary = target.with_name(f".{target.name}.{uuid4().hex}.tmp")
     with _named(path, temporary):
+        file = temporary.open("xb")
         try:
-            with temporary.open("xb") as file:
+            with file:
                 yield file
                 file.flush()
                 os.fsync(file.fileno())
@@ -172,10 +174,10 @@ def check_output(path: Path) -> Path:
 
 
 def is_locked(path: Path) -> bool:
-    """Whether a process holds the lock (flock) of a file. Raises OSError where the file can't be opened."""
+    """Whether a process holds the exclusive lock (flock) of a file. Raises OSError where the file can't be opened."""
     with path.open("rb") as file:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # shared: two that look at once do not see each other
         except BlockingIOError:
             return True
     return False

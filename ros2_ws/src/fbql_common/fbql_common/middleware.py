@@ -7,18 +7,22 @@ which binds every socket to 127.0.0.1, and variables that would make discovery l
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import socket
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from threading import Thread
 
 from ament_index_python import get_resources
 
 from fbql_common.core.errors import BadInput
 from fbql_common.files import is_locked
 
+SEARCH_S = 5.0
+"""How long a host may be looked for [s]."""
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """Variables that name a Fast DDS profile file; which one is read depends on its version."""
@@ -177,7 +181,26 @@ def _refuse_unknown_hosts() -> None:
                 if located is None:
                     raise UnicodeError("not HOST or HOST:PORT")
                 if located["host"]:
-                    socket.getaddrinfo(located["host"], None)
+                    _find(located["host"])
             except (OSError, UnicodeError) as error:
                 reason = error.strerror if isinstance(error, OSError) else error
                 raise BadInput(f"{name}: {entry!r} can't be found ({reason}); correct it, or unset {name}") from None
+
+
+def _find(host: str) -> None:
+    """Raises OSError or UnicodeError if a host can't be found. A name server that does not answer must not keep us from starting."""
+    failures: list[OSError | UnicodeError] = []
+
+    def look() -> None:
+        try:
+            socket.getaddrinfo(host, None)
+        except (OSError, UnicodeError) as error:
+            failures.append(error)
+
+    search = Thread(target=look, daemon=True)
+    search.start()
+    search.join(SEARCH_S)
+    if search.is_alive():
+        raise TimeoutError(errno.ETIMEDOUT, f"no answer within {SEARCH_S:g} s")
+    for failure in failures:
+        raise failure

@@ -57,23 +57,26 @@ class Store:
         is_new = not lock.exists()
         self._lock = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:
-            self._take(config)
-        except OSError:
-            if is_new:  # ours: it was taken
-                lock.unlink(missing_ok=True)
-            os.close(self._lock)
-            raise
+            self._take_lock()
+            try:
+                self._take(config)
+            except OSError:
+                if is_new:
+                    lock.unlink(missing_ok=True)
+                raise
         except BaseException:
             os.close(self._lock)
             raise
 
-    def _take(self, config: dict[str, Any]) -> None:
+    def _take_lock(self) -> None:
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise BadInput(
                 f"{self.directory}: a study is running there now; wait for it or choose another directory"
             ) from None
+
+    def _take(self, config: dict[str, Any]) -> None:
         path = self.directory / "config.json"
         try:
             is_new = not path.exists()
