@@ -9,6 +9,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import pytest
@@ -79,6 +80,14 @@ def _own_observations_end_with_their_module() -> Iterator[None]:
     yield
     for name in OBSERVATIONS.keys() - before.keys():
         del OBSERVATIONS[name]
+
+
+@pytest.fixture
+def place() -> Iterator[Path]:
+    """A directory for many small files: in memory, if that can be written to."""
+    memory = "/dev/shm"
+    with TemporaryDirectory(prefix="fbql-fuzzing-", dir=memory if os.access(memory, os.W_OK) else None) as name:
+        yield Path(name)
 
 
 @pytest.fixture

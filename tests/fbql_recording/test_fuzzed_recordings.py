@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -27,16 +27,6 @@ from recorded_match import record_match
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two episodes of seven steps. Not to be changed."""
     return record_match(tmp_path_factory.mktemp("recorded") / "run", max_steps=6, episodes=2)
-
-
-@pytest.fixture
-def place() -> Iterator[Path]:
-    """In memory, if there is room: many small files are written."""
-    shared = Path("/dev/shm")
-    path = (shared if os.access(shared, os.W_OK) else Path("/tmp")) / f"fbql-fuzzing-{os.getpid()}"
-    path.mkdir()
-    yield path
-    shutil.rmtree(path)
 
 
 def everything(path: Path, skip_corrupt: bool) -> tuple[Run, list[Any]]:

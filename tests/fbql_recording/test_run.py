@@ -38,12 +38,6 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record_match(tmp_path_factory.mktemp("recorded") / "run", max_steps=300, **LEARNING)
 
 
-@pytest.fixture
-def run(recorded: Path, tmp_path: Path) -> Path:
-    """The same, to be changed."""
-    return Path(shutil.copytree(recorded, tmp_path / "run"))
-
-
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The file of two episodes of six steps."""

@@ -6,7 +6,6 @@ import os
 import random
 import re
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import commands
@@ -41,16 +40,6 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def contents(recorded: Path) -> Contents:
     return contents_of(mcap_of(recorded).read_bytes())
-
-
-@pytest.fixture
-def place() -> Iterator[Path]:
-    """In memory, if there is room: many small files are written."""
-    shared = Path("/dev/shm")
-    path = (shared if os.access(shared, os.W_OK) else Path("/tmp")) / f"fbql-fuzzing-{os.getpid()}"
-    path.mkdir()
-    yield path
-    shutil.rmtree(path)
 
 
 def change_beside(run: Path, rng: random.Random) -> str:

@@ -8,25 +8,17 @@ import numpy as np
 import pytest
 from fbql_common.core.errors import BadInput
 from fbql_common.core.field import MAX_WHEEL_RAD_S
-from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Decision, Phase, WheelCommand, World
+from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Decision, Phase, WheelCommand
 from fbql_fusion.core import soccer_session as session_module
 from fbql_fusion.core.controllers.interface import Selection
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.session import Rejections, episode_seed
 from fbql_fusion.core.soccer_session import SoccerSession
+from two_sides import world_state
 
 Answers = list[BehaviorOutput | None]
 LEAF_COUNTS = (120, 11, 37)
 THIRD = 1 / 3
-
-
-def world(episode: int, step: int, **changes: float) -> World:
-    """A free field, the robot behind the ball: Subsumption's ball seeking drives."""
-    base = World(
-        1 + step, episode, step, 0.0, 0.0, 0.1, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.9, 0.0,
-        False, False, False, False, False, False,
-    )  # fmt: skip
-    return base._replace(**changes)
 
 
 def answers(*leaves: int, **changes: object) -> Answers:
@@ -53,7 +45,7 @@ def play(
     begun = session.next_episode()
     assert begun is not None
     return [
-        session.decide(world(begun[0], step, **((end or GOAL) if step == steps else {})), outputs(step))
+        session.decide(world_state(begun[0], step, **((end or GOAL) if step == steps else {})), outputs(step))
         for step in range(steps + 1)
     ]
 
@@ -141,7 +133,7 @@ def test_episode_seeds_differ_repeat_and_fit_an_int64():
         begun = session.next_episode()
         assert begun is not None
         seeds.append(begun[1])
-        session.decide(world(begun[0], 0, **TIMEOUT), answers())
+        session.decide(world_state(begun[0], 0, **TIMEOUT), answers())
     assert seeds == [episode_seed(7, episode) for episode in range(50)]
     assert len(set(seeds)) == 50
     assert all(0 <= seed < 2**63 for seed in seeds)
@@ -170,11 +162,11 @@ def test_the_next_episode_waits_for_the_end_of_the_one_before():
 def test_a_world_state_out_of_order_is_refused_and_changes_nothing(episode, step, reason):
     session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0))
     session.next_episode()
-    session.decide(world(0, 0), answers())
-    session.decide(world(0, 1, collision_begun=True), answers())
+    session.decide(world_state(0, 0), answers())
+    session.decide(world_state(0, 1, collision_begun=True), answers())
     before, rows = session.digest, learned(session)
     with pytest.raises(ValueError, match=reason):
-        session.decide(world(episode, step, collision_begun=True), answers())
+        session.decide(world_state(episode, step, collision_begun=True), answers())
     assert session.digest == before
     assert learned(session) == rows
 
@@ -183,10 +175,10 @@ def test_a_world_state_out_of_order_is_refused_and_changes_nothing(episode, step
 def test_a_world_state_outside_of_any_episode_is_refused(episode):
     session = SoccerSession(FusionParameters())
     with pytest.raises(ValueError, match="no episode has begun"):
-        session.decide(world(episode, 0), answers())
+        session.decide(world_state(episode, 0), answers())
     play(session)
     with pytest.raises(ValueError, match="no episode has begun"):
-        session.decide(world(episode, 4), answers())
+        session.decide(world_state(episode, 4), answers())
 
 
 @pytest.mark.parametrize("outputs", [[], answers()[:2], [*answers(), None]])
@@ -194,7 +186,7 @@ def test_a_wrong_number_of_outputs_is_refused(outputs: Answers):
     session = SoccerSession(FusionParameters())
     session.next_episode()
     with pytest.raises(ValueError):
-        session.decide(world(0, 0), outputs)
+        session.decide(world_state(0, 0), outputs)
 
 
 # The decision
@@ -203,7 +195,7 @@ def test_a_wrong_number_of_outputs_is_refused(outputs: Answers):
 def test_subsumption_lets_one_behavior_drive_and_says_which():
     session = SoccerSession(FusionParameters())
     session.next_episode()
-    command, decision = session.decide(world(0, 0), answers(4, 5, 6))
+    command, decision = session.decide(world_state(0, 0), answers(4, 5, 6))
     assert command == (1, 0, 0, 10.0, 0.0)
     assert decision == (
         1, 0, 0, "subsumption", Phase.EVALUATION, ("ball_seeking", "wall_avoiding", "approaching"),
@@ -215,7 +207,7 @@ def test_uniform_and_untaught_fbql_blend_all_behaviors_alike():
     for controller in ("uniform", "fbql_literal"):
         session = SoccerSession(FusionParameters(controller=controller, guided=0))
         session.next_episode()
-        command, decision = session.decide(world(0, 0), answers())
+        command, decision = session.decide(world_state(0, 0), answers())
         assert (command.left_rad_s, command.right_rad_s) == pytest.approx((20.0, 1.0))
         assert decision.weights == pytest.approx((THIRD,) * 3)
         assert decision.driver == DRIVER_BLEND
@@ -232,7 +224,7 @@ def test_digest_is_of_every_decision_in_order_little_endian():
     session = SoccerSession(FusionParameters())
     expected = sha256()
     for step, (command, _) in enumerate(play(session, steps=2)):
-        state = world(0, step)
+        state = world_state(0, step)
         expected.update(np.array([0, step], "<i8").tobytes())
         places = (state.robot_x_m, state.robot_y_m, state.robot_yaw_rad, state.ball_x_m, state.ball_y_m)
         expected.update(np.array([*places, command.left_rad_s, command.right_rad_s], "<f8").tobytes())
@@ -290,7 +282,7 @@ def test_a_collision_costs_once_when_it_begins():
     session = SoccerSession(FusionParameters(reward_collision=-0.5))
     session.next_episode()
     flags = [{}, {"collision": True, "collision_begun": True}, {"collision": True}, {"collision": True}, GOAL]
-    rewards = [session.decide(world(0, k, **flag), answers())[1].reward for k, flag in enumerate(flags)]
+    rewards = [session.decide(world_state(0, k, **flag), answers())[1].reward for k, flag in enumerate(flags)]
     assert rewards == [0.0, -0.5, 0.0, 0.0, 10.0]
     record = session.records[0]
     assert (record.collisions_begun, record.collision_steps, record.return_) == (1, 3, 9.5)
@@ -299,8 +291,8 @@ def test_a_collision_costs_once_when_it_begins():
 def test_a_goal_in_a_collision_is_both():
     session = SoccerSession(FusionParameters())
     session.next_episode()
-    session.decide(world(0, 0), answers())
-    _, decision = session.decide(world(0, 1, collision=True, collision_begun=True, **GOAL), answers())
+    session.decide(world_state(0, 0), answers())
+    _, decision = session.decide(world_state(0, 1, collision=True, collision_begun=True, **GOAL), answers())
     assert decision.reward == 5.0
 
 
@@ -360,8 +352,8 @@ def test_weights_stay_where_the_printed_update_leaves_nothing_to_divide_by():
         )
     )  # fmt: skip
     session.next_episode()
-    session.decide(world(0, 0), answers(1, 2))
-    _, decision = session.decide(world(0, 1), answers(1, 2))
+    session.decide(world_state(0, 0), answers(1, 2))
+    _, decision = session.decide(world_state(0, 1), answers(1, 2))
     assert decision.weights == (0.5, 0.5)
     assert learned(session) == {(1, 2): ([0.0, 0.0], [0.5, 0.5])}
 
@@ -374,7 +366,7 @@ def test_a_missing_behavior_leaves_its_weight_to_the_others_and_its_leaf_open():
     session.next_episode()
     outputs = answers()
     outputs[1] = None
-    command, decision = session.decide(world(0, 0), outputs)
+    command, decision = session.decide(world_state(0, 0), outputs)
     assert command.left_rad_s == pytest.approx(20.0)
     assert decision.weights == (0.5, 0.0, 0.5)
     assert decision.joint_state == (1, NO_LEAF, 3)
@@ -387,7 +379,7 @@ def test_a_joint_state_with_a_leaf_missing_has_no_q_and_its_weights_are_equal():
     session.next_episode()
     outputs = answers()
     outputs[0] = None
-    _, decision = session.decide(world(1, 0), outputs)
+    _, decision = session.decide(world_state(1, 0), outputs)
     assert decision.q == ()
     assert decision.weights == (0.0, 0.5, 0.5)
 
@@ -396,8 +388,8 @@ def test_with_no_behavior_left_the_wheels_stop():
     for controller in ("subsumption", "uniform", "fbql_literal"):
         session = SoccerSession(FusionParameters(controller=controller, guided=0))
         session.next_episode()
-        session.decide(world(0, 0), answers())
-        command, decision = session.decide(world(0, 1), [None, None, None])
+        session.decide(world_state(0, 0), answers())
+        command, decision = session.decide(world_state(0, 1), [None, None, None])
         assert (command.left_rad_s, command.right_rad_s) == (0.0, 0.0)
         assert decision.weights == (0.0, 0.0, 0.0)
 
@@ -425,12 +417,12 @@ def test_an_episode_begun_again_keeps_its_number_and_seed_and_is_degraded():
     begun = session.next_episode()
     assert session.restart_episode() == begun
     for step in range(3):
-        session.decide(world(0, step, collision_begun=True), answers(step, 0, 0))
+        session.decide(world_state(0, step, collision_begun=True), answers(step, 0, 0))
     rows = learned(session)
     assert len(rows) == 2
     assert session.restart_episode() == begun
     for step in range(2):
-        session.decide(world(0, step, **(GOAL if step == 1 else {})), answers(step, 1, 1))
+        session.decide(world_state(0, step, **(GOAL if step == 1 else {})), answers(step, 1, 1))
     assert learned(session) == rows
     record = session.records[0]
     assert (record.degraded, record.steps, record.collisions_begun, record.return_) == (True, 1, 0, 10.0)
@@ -441,10 +433,10 @@ def test_an_episode_begun_again_counts_its_collisions_from_the_new_start():
     session = SoccerSession(FusionParameters())
     session.next_episode()
     for step in range(3):
-        session.decide(world(0, step, collision=True, collision_begun=step == 1), answers())
+        session.decide(world_state(0, step, collision=True, collision_begun=step == 1), answers())
     session.restart_episode()
-    session.decide(world(0, 0, collision=True), answers())
-    session.decide(world(0, 1, **TIMEOUT), answers())
+    session.decide(world_state(0, 0, collision=True), answers())
+    session.decide(world_state(0, 1, **TIMEOUT), answers())
     record = session.records[0]
     assert (record.collisions_begun, record.collision_steps, record.return_) == (0, 1, 0.0)
 
@@ -452,12 +444,12 @@ def test_an_episode_begun_again_counts_its_collisions_from_the_new_start():
 def test_a_session_that_skips_to_an_episode_begins_it_next_and_knows_none_before():
     session = SoccerSession(FusionParameters(seed=7))
     session.next_episode()
-    session.decide(world(0, 0), answers())
+    session.decide(world_state(0, 0), answers())
     session.skip_to_episode(5)
     with pytest.raises(ValueError, match="no episode has begun"):
-        session.decide(world(0, 1), answers())
+        session.decide(world_state(0, 1), answers())
     assert session.next_episode() == (5, episode_seed(7, 5))
-    session.decide(world(5, 0, **TIMEOUT), answers())
+    session.decide(world_state(5, 0, **TIMEOUT), answers())
     assert session.records[0].index == 5
     assert session.next_episode() == (6, episode_seed(7, 6))
 
@@ -487,7 +479,7 @@ def test_across_a_gap_and_after_it_nothing_is_learned(gap: Sequence[int], learne
     session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0))
     session.next_episode()
     for step in gap:
-        session.decide(world(0, step, **(GOAL if step == gap[-1] else {})), answers(step, 0, 0))
+        session.decide(world_state(0, step, **(GOAL if step == gap[-1] else {})), answers(step, 0, 0))
     assert sorted(learned(session)) == [(leaf, 0, 0) for leaf in learned_leaves]
     assert session.records[0].degraded
     assert session.records[0].steps == session.steps == gap[-1]
@@ -510,7 +502,7 @@ def hear_one_bad(session: SoccerSession, step: int, change: dict[str, object], c
     outputs = answers()
     assert outputs[2] is not None
     outputs[2] = outputs[2]._replace(**change)
-    command, decision = session.decide(world(0, step), outputs)
+    command, decision = session.decide(world_state(0, step), outputs)
     assert decision.joint_state == (1, 2, NO_LEAF)
     assert (command.left_rad_s, command.right_rad_s) == pytest.approx((15.0, 0.5))
     assert decision.degraded
@@ -524,7 +516,7 @@ def test_a_first_answer_that_cannot_be_acted_on_counts_as_missing(change, counte
     session = SoccerSession(FusionParameters(controller="uniform"))
     session.next_episode()
     hear_one_bad(session, 0, change, counter)
-    command, _ = session.decide(world(0, 1), answers())
+    command, _ = session.decide(world_state(0, 1), answers())
     assert command.left_rad_s == pytest.approx(20.0)
 
 
@@ -532,7 +524,7 @@ def test_a_first_answer_that_cannot_be_acted_on_counts_as_missing(change, counte
 def test_a_later_answer_that_cannot_be_acted_on_counts_as_missing(change, counter):
     session = SoccerSession(FusionParameters(controller="uniform"))
     session.next_episode()
-    session.decide(world(0, 0), answers())
+    session.decide(world_state(0, 0), answers())
     hear_one_bad(session, 1, change, counter)
 
 
@@ -550,7 +542,7 @@ def test_weights_that_are_none_give_way_to_uniform_ones_and_are_counted(weights,
     monkeypatch.setattr(session_module, "make_controller", lambda *_: Broken())
     session = SoccerSession(FusionParameters())
     session.next_episode()
-    command, decision = session.decide(world(0, 0), answers())
+    command, decision = session.decide(world_state(0, 0), answers())
     assert (command.left_rad_s, command.right_rad_s) == pytest.approx((20.0, 1.0))
     assert decision.weights == pytest.approx((THIRD,) * 3)
     assert session.rejections.weights == 1
@@ -623,7 +615,7 @@ def test_a_policy_learned_with_other_trees_is_refused_at_the_first_answer(change
     assert outputs[1] is not None
     outputs[1] = outputs[1]._replace(**change)
     with pytest.raises(BadInput, match="another tree of wall_avoiding"):
-        session.decide(world(0, 0), outputs)
+        session.decide(world_state(0, 0), outputs)
 
 
 # The result
@@ -637,8 +629,8 @@ def test_summary_counts_what_it_says():
     play(session, steps=40, end=TIMEOUT)
     play(session, steps=30, end=GOAL)
     session.next_episode()
-    session.decide(world(5, 0), answers())
-    session.decide(world(5, 1, collision=True, collision_begun=True), answers())
+    session.decide(world_state(5, 0), answers())
+    session.decide(world_state(5, 1, collision=True, collision_begun=True), answers())
     assert session.summary(wall_s=2.01, messages_recorded=9, incomplete=True)._asdict() == {
         "controller": "fbql",
         "seed": 3,

@@ -47,11 +47,6 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record_match(tmp_path_factory.mktemp("recorded") / "run", **OPTIONS)
 
 
-@pytest.fixture
-def run(recorded: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(recorded, tmp_path / "run"))
-
-
 def told(path: Path) -> list[Message]:
     """The messages but for their numbers, which a recording that is written anew may count anew."""
     return [message._replace(sequence=0) for message in open_run(path).messages()]

@@ -32,12 +32,6 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run(recorded: Path, tmp_path: Path) -> Path:
-    """The same, to be changed."""
-    return Path(shutil.copytree(recorded, tmp_path / "run"))
-
-
-@pytest.fixture
 def killed(tmp_path: Path) -> Path:
     """What SIGKILL leaves."""
     return record_match(tmp_path / "run", close=False, **LEARNING)
