@@ -9,18 +9,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from time import monotonic, monotonic_ns
 from typing import Any
 
-from ament_index_python import get_resource
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import parameter
 from fbql_common.core.text import one_line
 from fbql_common.core.topic_names import CMD_VEL
 from fbql_common.core.twist import StampedTwist, Twist
 from fbql_common.declare import declare_parameters
+from fbql_common.message_types import message_class
 from fbql_common.qos import COMMAND_QOS
 from fbql_common.spin import GraphNode, spin
 from fbql_common.watch import steady_timer
@@ -62,7 +61,7 @@ class TwistBehaviorNode(GraphNode):
         )
         self._inputs = [
             self.create_subscription(
-                message_class(type_name), topic, partial(self._on_message, topic), qos_profile_sensor_data
+                _class_of(type_name), topic, partial(self._on_message, topic), qos_profile_sensor_data
             )
             for topic, type_name in self._behavior.types.items()
         ]
@@ -114,19 +113,12 @@ class TwistBehaviorNode(GraphNode):
             )
 
 
-def message_class(type_name: str) -> Any:
-    """The generated class of a message type, such as sensor_msgs/msg/LaserScan. Raises BadInput when it is not installed.
-
-    Only a type that the ament index lists is imported: a tree file must not choose what code runs.
-    """
-    package, _, name = type_name.partition("/msg/")
-    try:
-        listed = get_resource("rosidl_interfaces", package)[0].split()
-    except (LookupError, OSError, ValueError):
-        listed = []
-    if f"msg/{name}.msg" not in listed and f"msg/{name}.idl" not in listed:
+def _class_of(type_name: str) -> type[Any]:
+    """The class of a message type. Raises BadInput when it is not installed."""
+    found = message_class(type_name)
+    if found is None:
         raise BadInput(f"the tree senses messages of type {type_name}, which is not installed here")
-    return getattr(import_module(f"{package}.msg"), name)
+    return found
 
 
 def twist_behavior() -> int:

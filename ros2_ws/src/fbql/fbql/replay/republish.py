@@ -40,7 +40,7 @@ from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import LiveLine, complain, output_aside, print_result, say, warn
 from fbql.graph.domains import MAX_DOMAIN_ID, free_domain
 from fbql.replay.recomputation import recorded_trees
-from fbql.replay.topics import ReplayViews, message_class, qos_of
+from fbql.replay.topics import ReplayViews, class_of, qos_of
 from fbql.watch.moments import Moments
 from fbql.watch.pace import Pace
 from fbql.watch.page import PICTURE_S
@@ -210,7 +210,7 @@ class Stage:
         """Raises BadInput for a topic that can't be published."""
         try:
             validate_full_topic_name(topic.name)
-            return Outlet(self._node, message_class(topic), topic.name, qos_of(topic))
+            return Outlet(self._node, class_of(topic), topic.name, qos_of(topic))
         except NameValidationException as error:
             reason = str(error).partition(":\n")[0]
             raise BadInput(f"topic '{topic.name}': {reason}") from None

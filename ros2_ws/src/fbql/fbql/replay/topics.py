@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection
 from copy import copy
-from importlib import import_module
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from ament_index_python import get_resource
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from ament_index_python.packages import get_package_share_directory
 from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
 from fbql_common.core.topic_names import BALL_POSE, ROBOT_POSE, WALL_POSE, WORLD
+from fbql_common.message_types import is_message_type, message_class
 from fbql_common.qos import POSE_QOS, STEP_QOS
 from fbql_recording.bag_metadata import INFINITE_NS
 from fbql_recording.mcap.reader import Topic
@@ -30,16 +28,13 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProf
 from visualization_msgs.msg import MarkerArray
 
 MARKERS = "simulator/markers"
-_INTERFACES = "rosidl_interfaces"
-"""The resource of the ament index that lists a package's messages."""
-_MESSAGE_TYPE = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 _WORLD_TYPE = "fbql_msgs/msg/WorldState"
 _POSES = (ROBOT_POSE, BALL_POSE, WALL_POSE)
 _LOOK_S = 0.25
 """Time between two checks of who subscribes [s]."""
 
 
-def message_class(topic: Topic) -> type[Any]:
+def class_of(topic: Topic) -> type[Any]:
     """The message class of a recorded topic. Nothing is imported but an installed message package that has the type.
 
     Raises:
@@ -48,17 +43,15 @@ def message_class(topic: Topic) -> type[Any]:
     """
     if topic.message_encoding != "cdr":
         raise BadInput(f"{topic.name} is recorded as '{topic.message_encoding}', not as cdr")
-    match = _MESSAGE_TYPE.fullmatch(topic.type_name)
-    if match is None:
+    if not is_message_type(topic.type_name):
         raise BadInput(f"{topic.name}: '{topic.type_name}' is not a message type of ROS 2 (PACKAGE/msg/NAME)")
-    package, name = match.groups()
+    found = message_class(topic.type_name)
     try:
-        if not {f"msg/{name}.msg", f"msg/{name}.idl"} & set(get_resource(_INTERFACES, package)[0].split()):
+        if found is None:
             raise LookupError
         if not _is_as_recorded(topic):
             raise BadInput(f"{topic.name}: {topic.type_name} was recorded with another definition than is installed")
-        found: type[Any] = getattr(import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError, LookupError, OSError, PackageNotFoundError):
+    except (LookupError, OSError):
         raise BadInput(f"{topic.name}: message type {topic.type_name} is not installed here") from None
     return found
 

@@ -6,12 +6,12 @@ import argparse
 import os
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from importlib import import_module
 from time import monotonic
 from typing import Any
 
 import rclpy
 from fbql_common.core.errors import BadInput
+from fbql_common.message_types import message_class
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -84,10 +84,9 @@ def is_hidden(name: str) -> bool:
     return any(part.startswith("_") for part in name.split("/"))
 
 
-def message_class(type_name: str) -> Any:
+def class_of(type_name: str) -> type[Any]:
     """The class of a message type such as `std_msgs/msg/Bool`. Raises Absent where it is not installed."""
-    package, _, name = type_name.partition("/msg/")
-    try:
-        return getattr(import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError, ValueError):
-        raise Absent(f"The message type '{type_name}' is invalid") from None
+    found = message_class(type_name)
+    if found is None:
+        raise Absent(f"The message type '{type_name}' is invalid")
+    return found

@@ -16,7 +16,7 @@ import yaml
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 
-from fbql.ros2cli.graph import Absent, absolute, add_graph_options, is_hidden, message_class, settle, until
+from fbql.ros2cli.graph import Absent, absolute, add_graph_options, class_of, is_hidden, settle, until
 
 VERBS = ("list", "info", "echo", "hz")
 _WINDOW = 10000
@@ -94,7 +94,7 @@ def show_info(node: Node, arguments: argparse.Namespace) -> None:
 def echo(node: Node, arguments: argparse.Namespace) -> None:
     """`ros2 topic echo`."""
     name = absolute(arguments.topic_name)
-    kind = message_class(arguments.message_type or _type(node, name, arguments.spin_time))
+    kind = class_of(arguments.message_type or _type(node, name, arguments.spin_time))
     until(node, lambda: node.count_publishers(name), 0.0 if arguments.message_type else arguments.spin_time)
     printed = False
 
@@ -115,7 +115,7 @@ def measure_rate(node: Node, arguments: argparse.Namespace) -> None:
     name = absolute(arguments.topic_name)
     if arguments.window < 1:
         raise Absent("window size must be 1 or more")
-    kind = message_class(_type(node, name, arguments.spin_time))
+    kind = class_of(_type(node, name, arguments.spin_time))
     came_s: deque[float] = deque(maxlen=arguments.window + 1)
     node.create_subscription(kind, name, lambda _: came_s.append(monotonic()), qos_profile_sensor_data, raw=True)
     reported_s, reported = monotonic(), -1.0
