@@ -21,7 +21,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
     ],
-    install_requires=["setuptools", "numpy"],
+    install_requires=["setuptools", "numba", "numpy"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
 )

@@ -8,7 +8,7 @@ from math import isfinite
 import numpy as np
 import pytest
 from fbql_common.core.types import NO_LEAF
-from fbql_fusion.core.learners.features import KNOTS, Features, Resolution, Scales, Situation
+from fbql_fusion.core.learners.features import KNOTS, Features, Resolution, Scales, Situation, tile_keys
 from fbql_fusion.core.learners.tilings import Tilings, critic_tilings
 from fbql_fusion.core.tasks.soccer.critic import WIDTHS
 from hypothesis import given
@@ -333,3 +333,17 @@ def test_arrays_are_of_the_types_that_are_told() -> None:
         "offsets": ("float64", (8, 6)),
         "resolution": ("int64", (7,)),
     }
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+def test_the_kernel_finds_the_keys_of_ranks_and_tilings(mirror: bool) -> None:
+    features = made(mirror=mirror)
+    scales, tilings = features.scales, features._tilings.beside(critic_tilings(WIDTHS, 3))
+    rng = np.random.default_rng(2)
+    for each in sensed(rng, 300):
+        values = np.array([x for observed in each.observed for x in observed] + rng.normal(size=8).tolist())
+        values[rng.integers(len(values))] = rng.choice([0.0, -0.0, 1e5, scales.knots[0, 0], scales.knots[2, -1]])
+        at = [*scales.ranks([values[:2].tolist(), values[2:3].tolist(), values[3:6].tolist()]), *values[6:]]
+        with np.errstate(over="ignore"):
+            found = tile_keys.function(values, scales.knots, scales.signed, scales.decisive, *tilings)
+        assert found.tolist() == tilings.keys(at)

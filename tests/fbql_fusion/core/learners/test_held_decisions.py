@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, BehaviorOutput, Phase, World
-from fbql_fusion.core.learners.ppo.learner import Batch, Fbql
+from fbql_fusion.core.learners.ppo.learner import Fbql, batch_of
 from fbql_fusion.core.learners.trajectories import Trajectory, minibatches
 from fbql_fusion.core.learners.value.learner import FbqlValue
 from fbql_fusion.core.policy import Policy
@@ -372,7 +372,7 @@ def test_truncation_is_worth_what_its_state_is_and_termination_nothing(terminate
         False, [], [[0, 1], [1, 2], [2, 3]], [1, 0], [0.5, 0.25], [4.0, 6.0], [0.5, 0.5], terminated
     )
     value = np.array([0.75, 0.25, 1.75, 1.25])
-    batch = Batch.of([trajectory, trajectory], value, 1.0, active_features=1)
+    batch = batch_of([trajectory, trajectory], value, 1.0, active_features=1)
     returns = [4.0 + 0.5 * (6.0 + 0.5 * last), 6.0 + 0.5 * last]
     assert batch.lambda_returns.tolist() == returns * 2
     assert batch.advantages.tolist() == [returns[0] - 1.0, returns[1] - 2.0] * 2

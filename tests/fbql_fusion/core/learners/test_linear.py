@@ -7,7 +7,17 @@ from math import log
 import numpy as np
 import pytest
 from equation_oracles import gradient, literal_softmax, preference_lists
-from fbql_fusion.core.learners.linear import add_shared, grow_table, log_weight_gradient, row_sum
+from fbql_fusion.core.learners.linear import (
+    add_shared,
+    add_to_rows,
+    grow_table,
+    log_weight_gradient,
+    meetings,
+    pairwise_sum,
+    row_sum,
+    row_sums,
+    value_sums,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -44,9 +54,9 @@ def test_each_active_feature_takes_its_share_of_the_step() -> None:
 
 
 def test_a_feature_of_several_decisions_takes_a_share_of_each() -> None:
-    table = np.zeros(3)
-    add_shared(table, np.array([[0, 1], [1, 2]]), np.array([4.0, 8.0]), 0.5)
-    assert table.tolist() == [1.0, 3.0, 2.0]
+    table = np.zeros((3, 1))
+    add_shared(table, np.array([[0, 1], [1, 2]]), np.array([[4.0], [8.0]]), 0.5)
+    assert table.tolist() == [[1.0], [3.0], [2.0]]
 
 
 @st.composite
@@ -68,11 +78,9 @@ def test_the_assignment_is_the_literal_loop(minibatch: tuple[np.ndarray, float],
         for f in row:
             for i in range(n):
                 expected[f][i] += rate / len(row) * step[i] / max(1.0, shared)
-    table, column = np.zeros((8, n)), np.zeros(8)
+    table = np.zeros((8, n))
     add_shared(table, active, steps, rate)
-    add_shared(column, active, steps[:, 0], rate)
     assert table == pytest.approx(np.array(expected), abs=1e-12)
-    assert column == pytest.approx(table[:, 0], abs=1e-12)
 
 
 @given(minibatches(), st.integers(0, 1000))
@@ -89,7 +97,7 @@ def test_no_minibatch_makes_values_diverge(minibatch: tuple[np.ndarray, float], 
         left = (error**2 / scale).sum()
         assert left <= before + 1e-9
         before = left
-        add_shared(value, active, error, rate)
+        add_shared(value.reshape(-1, 1), active, error.reshape(-1, 1), rate)
 
 
 @pytest.mark.parametrize("decisions", [1, 10, 128, 5000])
@@ -97,14 +105,14 @@ def test_a_robot_that_stands_still_reaches_its_value_and_does_not_overshoot(deci
     """In a deadlock every decision has the same features: at a rate of 0.1, 128 of them would move V 12.8 times too far."""
     active = np.tile(np.arange(6), (decisions, 1))
     value = np.zeros(6)
-    add_shared(value, active, np.full(decisions, 10.0), 0.1)
+    add_shared(value.reshape(-1, 1), active, np.full((decisions, 1), 10.0), 0.1)
     assert value.sum() == pytest.approx(10.0 * min(1.0, 0.1 * decisions))
 
 
 def test_without_decisions_there_is_nothing_to_assign() -> None:
-    for table, steps in ((np.ones((5, 2)), np.zeros((0, 2))), (np.ones(5), np.zeros(0))):
-        add_shared(table, np.zeros((0, 3), dtype=np.int64), steps, 0.1)
-        assert (table == 1.0).all()
+    table = np.ones((5, 2))
+    add_shared(table, np.zeros((0, 3), dtype=np.int64), np.zeros((0, 2)), 0.1)
+    assert (table == 1.0).all()
 
 
 def test_without_features_there_is_nothing_to_assign() -> None:
@@ -117,3 +125,27 @@ def test_a_table_that_is_too_short_doubles_and_keeps_its_rows() -> None:
     table = np.arange(6.0).reshape(3, 2)
     assert grow_table(table, 3) is table
     assert grow_table(table, 4).tolist() == [*table.tolist(), [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]
+
+
+# Kernels: what is compiled is the loop, and has NumPy's bits
+
+
+@pytest.mark.parametrize("n", [*range(19), 42, 127, 128, 129, 136, 137, 500, 1031, 5000])
+def test_a_sum_has_the_bits_of_numpys(n: int) -> None:
+    for seed in range(5):
+        values = np.random.default_rng(seed).normal(size=n) * 10.0 ** np.random.default_rng(seed + 5).integers(-8, 8, n)
+        assert pairwise_sum.function(values) == np.add.reduce(values) == pairwise_sum.interpreted(values)
+
+
+@given(minibatches(), st.integers(1, 9), st.integers(0, 1000))
+def test_each_loop_has_the_bits_of_its_numpy_form(minibatch: tuple[np.ndarray, float], n: int, seed: int) -> None:
+    active = minibatch[0]
+    rng = np.random.default_rng(seed)
+    table, value, shares = rng.normal(size=(8, n)), rng.normal(size=8), rng.normal(size=(len(active), n))
+    assert row_sums.function(table, active).tobytes() == row_sums.interpreted(table, active).tobytes()
+    assert value_sums.function(value, active).tobytes() == value_sums.interpreted(value, active).tobytes()
+    assert meetings.function(active).tolist() == meetings.interpreted(active).tolist()
+    one, other = table.copy(), table.copy()
+    add_to_rows.function(one, active, shares)
+    add_to_rows.interpreted(other, active, shares)
+    assert one.tobytes() == other.tobytes() != table.tobytes()

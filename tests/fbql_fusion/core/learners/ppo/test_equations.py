@@ -7,7 +7,7 @@ from math import log
 import numpy as np
 import pytest
 from equation_oracles import gradient, literal_softmax, preference_lists
-from fbql_fusion.core.learners.linear import row_sum
+from fbql_fusion.core.learners.linear import log_weight_gradient, row_sum, shares_of
 from fbql_fusion.core.learners.ppo import equations as eq
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -186,3 +186,24 @@ def test_large_preferences_give_weights_and_no_overflow() -> None:
     assert eq.weights_of(theta, np.array([[0], [1]])) == pytest.approx(
         np.array([[1 / (1 + np.e), np.e / (1 + np.e)], [0.5, 0.5]])
     )
+
+
+# Kernels: what is compiled is the loop, and has NumPy's bits
+
+
+@given(st.integers(1, 9), st.integers(1, 40), st.integers(0, 1000))
+def test_each_loop_has_the_bits_of_its_numpy_form(n: int, decisions: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    theta, active = rng.normal(size=(8, n)), rng.integers(0, 8, size=(decisions, 5))
+    weights = eq.weights_of.function(theta, active)
+    assert weights.tobytes() == eq.weights_of.interpreted(theta, active).tobytes()
+    drawn, old_prob, advantage = rng.integers(0, n, decisions), rng.random(decisions) + 0.1, rng.normal(size=decisions)
+    given = weights, drawn, old_prob, advantage, 0.4
+    assert (eq.clipped_surrogate_step.function(*given) == eq.clipped_surrogate_step.interpreted(*given)).all()
+    given = advantage, old_prob, rng.normal(size=decisions + 1), 0.9
+    assert eq.advantages.function(*given).tobytes() == eq.advantages.interpreted(*given).tobytes()
+    assert log_weight_gradient.function(weights, drawn).tobytes() == (
+        log_weight_gradient.interpreted(weights, drawn).tobytes()
+    )
+    steps, moved = rng.normal(size=(decisions, n)), rng.integers(1, 99, decisions)
+    assert shares_of.function(steps, moved, 0.01).tobytes() == shares_of.interpreted(steps, moved, 0.01).tobytes()

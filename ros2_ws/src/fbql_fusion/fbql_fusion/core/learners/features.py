@@ -11,24 +11,26 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from itertools import accumulate, combinations
+from itertools import accumulate, chain, combinations
+from math import floor
 from typing import Any, NamedTuple
 
 import numpy as np
 from fbql_common.core.errors import BadInput
+from fbql_common.core.kernels import kernel
 from fbql_common.core.types import NO_LEAF
 from numpy.typing import NDArray
 
 from fbql_fusion.core.controllers.interface import JointState
 from fbql_fusion.core.learners.policy_arrays import check_arrays, check_range, rows_of
-from fbql_fusion.core.learners.tilings import NO_TILINGS, Tilings
+from fbql_fusion.core.learners.tilings import NO_TILINGS, TILE, Tilings
 
 KNOTS = 17
 """Quantiles that a component's scale is made of."""
 SIGNED_SHARE = 0.1
 """A component is signed if at least this share of its values is below 0, and at least this share above."""
 _MIX = 1_000_003
-_BELOW_ONE = 1.0 - 1e-12
+BELOW_ONE = 1.0 - 1e-12
 
 
 class Situation(NamedTuple):
@@ -62,7 +64,8 @@ class Scales:
         self._knots: list[list[float]] = knots.tolist()
         self._signed: list[bool] = signed.tolist()
         marked = [i for i, is_signed in enumerate(self._signed) if is_signed]
-        self._decisive = marked[-1] if marked else -1
+        self.decisive = marked[-1] if marked else -1
+        """The component whose sign decides whether a situation is mirrored; -1 for none."""
         self._none = [False] * len(self._signed)
 
     @classmethod
@@ -90,12 +93,58 @@ class Scales:
         values: list[float | None] = []
         for length, own in zip(self.lengths, observed, strict=True):
             values += own if len(own) == length else [None] * length
-        decisive = values[self._decisive] if self._decisive >= 0 else None
+        decisive = values[self.decisive] if self.decisive >= 0 else None
         turned = self._signed if decisive is not None and decisive < 0.0 else self._none
         return [
             None if x is None else _rank(-x if turns else x, knots)
             for x, turns, knots in zip(values, turned, self._knots, strict=True)
         ]
+
+
+@kernel
+def tile_keys(
+    values: NDArray[np.float64],
+    knots: NDArray[np.float64],
+    signed: NDArray[np.bool_],
+    decisive: int,
+    sizes: NDArray[np.float64],
+    shifts: NDArray[np.float64],
+    factors: NDArray[np.int64],
+    families: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """`Scales.ranks` of the first values, then `Tilings.keys` of these and the rest, [K]; for compiled code.
+
+    Args:
+        values: everything sensed, then the critic's inputs if the tilings have components for them.
+        knots, signed, decisive: of the scales.
+        sizes, shifts, factors, families: of the tilings.
+    """
+    components, count = knots.shape
+    turned = decisive >= 0 and values[decisive] < 0.0
+    at = values.copy()
+    for c in range(components):
+        x = -values[c] if turned and signed[c] else values[c]
+        low, high = 0, count
+        while low < high:
+            middle = (low + high) // 2
+            if x < knots[c, middle]:
+                high = middle
+            else:
+                low = middle + 1
+        if low == 0:
+            at[c] = 0.0
+        elif low == count:
+            at[c] = BELOW_ONE
+        else:
+            below = knots[c, low - 1]
+            at[c] = min((low - 1 + (x - below) / (knots[c, low] - below)) / (count - 1), BELOW_ONE)
+    keys = families.copy()
+    for k in range(len(families)):
+        for c in range(len(at)):
+            if sizes[k, c] > 0.0 or shifts[k, c] > 0.0:
+                keys[k] += floor(sizes[k, c] * at[c] + shifts[k, c]) * factors[k, c]
+        keys[k] &= TILE
+    return keys
 
 
 def _parts_of[T](values: Sequence[T], lengths: Sequence[int]) -> list[Sequence[T]]:
@@ -110,9 +159,9 @@ def _rank(x: float, knots: list[float]) -> float:
     if i == 0:
         return 0.0
     if i == len(knots):
-        return _BELOW_ONE
+        return BELOW_ONE
     low = knots[i - 1]
-    return min((i - 1 + (x - low) / (knots[i] - low)) / (len(knots) - 1), _BELOW_ONE)
+    return min((i - 1 + (x - low) / (knots[i] - low)) / (len(knots) - 1), BELOW_ONE)
 
 
 class Resolution(NamedTuple):
@@ -236,7 +285,11 @@ class Features:
         tilings = self._with_critic if critic_inputs else self._tilings
         if not len(tilings.families):
             return keys
-        ranks = self.scales.ranks(situation.observed)
+        observed = situation.observed
+        if tile_keys.is_compiled and tuple(map(len, observed)) == self.scales.lengths:
+            scales, values = self.scales, np.array([*chain.from_iterable(observed), *critic_inputs])
+            return keys + tile_keys.run(values, scales.knots, scales.signed, scales.decisive, *tilings).tolist()
+        ranks = self.scales.ranks(observed)
         found = tilings.keys([*[0.0 if x is None else x for x in ranks], *critic_inputs])
         if None not in ranks:
             return keys + found

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from fbql_common.core.errors import BadInput
+from fbql_common.core.kernels import prepare
 from fbql_common.core.types import DRIVER_BLEND, Phase
 from numpy.typing import NDArray
 
@@ -32,6 +33,8 @@ FIRST_EPISODES = 20
 _FIRST_BATCH = 2
 _BATCH_GROWTH = 20
 """Number of episodes after which a batch grows by one episode."""
+COMPILE_AFTER = 10_000
+"""Decisions of this process, about 40,000 steps, after which it pays to compile what learns."""
 _ALWAYS = {"counts": ("i", (2,)), "generator": ("u", (6,))}
 """Kind and shape of the arrays that every policy has."""
 
@@ -94,6 +97,8 @@ class HeldDecisions(ABC):
         self._episodes: int = 0
         """Episodes that ended, guided ones not counted."""
         self._updates: int = 0
+        self._decisions = 0
+        """Decisions that this process has learned from."""
         self._waiting: list[Trajectory] = []
         """Ended episodes that have not been learned from yet."""
 
@@ -251,6 +256,9 @@ class HeldDecisions(ABC):
             return
         trajectory.end(situation, None if self._features is None else self._features.row(situation))
         self._waiting.append(trajectory)
+        self._decisions += len(trajectory.drivers)
+        if self._decisions >= COMPILE_AFTER:
+            prepare()
         if not trajectory.guided:
             self._episodes += 1
         if self._features is not None:

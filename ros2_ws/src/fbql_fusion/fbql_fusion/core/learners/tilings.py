@@ -14,7 +14,7 @@ counted."""
 _CRITICS = 1_000_001
 """Keeps the keys of the critic's inputs different from those of the sensed values."""
 _WORD = (1 << 64) - 1
-_TILE = (1 << 62) - 1
+TILE = (1 << 62) - 1
 """The bits of a tile's key."""
 
 
@@ -60,7 +60,7 @@ class Tilings(NamedTuple):
         tiles *= self.factors
         keys = np.add.reduce(tiles, axis=1)
         keys += self.families
-        keys &= _TILE
+        keys &= TILE
         return keys.tolist()
 
     def beside(self, other: Tilings) -> Tilings:

@@ -14,67 +14,53 @@ behavior that drove; eq. 6's jump of the argmax, by a gradient; the table, by fe
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fbql_fusion.core.learners.held_decisions import HeldDecisions, Holding, Values
-from fbql_fusion.core.learners.linear import CAPACITY, Floats, add_shared, log_weight_gradient, row_sum
+from fbql_fusion.core.learners.linear import CAPACITY, Floats, row_sum, value_sums
 from fbql_fusion.core.learners.ppo.equations import (
+    Batch,
+    Rates,
     advantages,
     approx_kl,
-    clipped_surrogate_step,
+    cloning_pass,
     normalised_advantages,
+    policy_pass,
     softmax,
     weights_of,
 )
 from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
-from fbql_fusion.core.learners.trajectories import Trajectory, minibatches
+from fbql_fusion.core.learners.trajectories import Trajectory
 from fbql_fusion.core.tasks.interface import Task
 
 
-class Batch(NamedTuple):
-    """N decisions of whole episodes."""
-
-    active: NDArray[np.int64]
-    """The features that the weights depend on, [N, F]."""
-    critic_inputs: NDArray[np.int64]
-    """Those that V depends on: the same and those of its further inputs, [N, F + F']."""
-    drivers: NDArray[np.int64]
-    """[N]"""
-    old_probs: Floats
-    """The weights by which they were drawn, [N]."""
-    advantages: Floats
-    """A of eq. 13, [N]."""
-    lambda_returns: Floats
-    """A + V, the critic's targets, [N]."""
-
-    @classmethod
-    def of(cls, trajectories: Sequence[Trajectory], value: Floats, trace: float, active_features: int) -> Batch:
-        """Combines trajectories. `value` is V's table, [features], `active_features` F."""
-        inputs: list[NDArray[np.int64]] = []
-        found: list[Floats] = []
-        targets: list[Floats] = []
-        for each in trajectories:
-            rows = np.array(each.rows, dtype=np.int64)
-            values = value[rows].sum(axis=1)
-            own = values[:-1].copy()
-            if each.terminated:
-                values[-1] = 0.0
-            advantage = advantages(np.array(each.rewards), np.array(each.discounts), values, trace)
-            inputs.append(rows[:-1])
-            found.append(advantage)
-            targets.append(advantage + own)
-        every = np.concatenate(inputs)
-        return cls(
-            np.ascontiguousarray(every[:, :active_features]),
-            every,
-            np.array([driver for each in trajectories for driver in each.drivers], dtype=np.int64),
-            np.array([old_prob for each in trajectories for old_prob in each.old_probs]),
-            np.concatenate(found),
-            np.concatenate(targets),
-        )
+def batch_of(trajectories: Sequence[Trajectory], value: Floats, trace: float, active_features: int) -> Batch:
+    """Combines trajectories. `value` is V's table, [features], `active_features` F."""
+    inputs: list[NDArray[np.int64]] = []
+    found: list[Floats] = []
+    targets: list[Floats] = []
+    for each in trajectories:
+        rows = np.array(each.rows, dtype=np.int64)
+        values = value_sums(value, rows)
+        own = values[:-1].copy()
+        if each.terminated:
+            values[-1] = 0.0
+        advantage = advantages(np.array(each.rewards), np.array(each.discounts), values, trace)
+        inputs.append(rows[:-1])
+        found.append(advantage)
+        targets.append(advantage + own)
+    every = np.concatenate(inputs)
+    return Batch(
+        np.ascontiguousarray(every[:, :active_features]),
+        every,
+        np.array([driver for each in trajectories for driver in each.drivers], dtype=np.int64),
+        np.array([old_prob for each in trajectories for old_prob in each.old_probs]),
+        np.concatenate(found),
+        np.concatenate(targets),
+    )
 
 
 class Fbql(HeldDecisions):
@@ -96,6 +82,7 @@ class Fbql(HeldDecisions):
         self._ppo = parameters
         self._theta = np.zeros((CAPACITY, self._behaviors))
         self._value = np.zeros(CAPACITY)
+        self._rates = Rates(parameters.fbql_rate, parameters.fbql_value_rate, parameters.fbql_clip)
 
     def _evaluate(self, active: Sequence[int]) -> Values:
         """Eq. 10."""
@@ -128,43 +115,27 @@ class Fbql(HeldDecisions):
         batch = self._batch(guided)
         example = np.repeat(examples, [len(each.drivers) for each in guided])
         for _ in range(p.fbql_guide_passes):
-            for some in minibatches(len(example), p.fbql_minibatch, self._generator):
-                self._update_critic(batch, some)
-                shown = some[example[some]]
-                active = batch.active[shown]
-                step = log_weight_gradient(weights_of(self._theta, active), batch.drivers[shown])
-                add_shared(self._theta, active, step, p.fbql_rate)
+            order = self._generator.permutation(len(example))
+            shuffled = batch.in_order(order)
+            cloning_pass(self._theta, self._value, shuffled, p.fbql_minibatch, example[order], self._rates)
 
     def _update(self) -> None:
         """PPO's update, eqs. 12 to 15, on the waiting episodes."""
         p = self._ppo
         batch = self._batch(self._waiting)
         self._waiting = []
-        advantage = normalised_advantages(batch.advantages)
+        batch = batch._replace(advantages=normalised_advantages(batch.advantages))
         for _ in range(p.fbql_passes):
             kl = approx_kl(weights_of(self._theta, batch.active), batch.drivers, batch.old_probs)
-            for some in minibatches(len(advantage), p.fbql_minibatch, self._generator):
-                if kl <= p.fbql_divergence:
-                    active = batch.active[some]
-                    weights = weights_of(self._theta, active)
-                    step = clipped_surrogate_step(
-                        weights, batch.drivers[some], batch.old_probs[some], advantage[some], p.fbql_clip
-                    )
-                    add_shared(self._theta, active, step, p.fbql_rate)
-                self._update_critic(batch, some)
+            shuffled = batch.in_order(self._generator.permutation(len(batch.drivers)))
+            policy_pass(self._theta, self._value, shuffled, p.fbql_minibatch, kl <= p.fbql_divergence, self._rates)
         self._updates += 1
-
-    def _update_critic(self, batch: Batch, some: NDArray[np.int64]) -> None:
-        """Eq. 15 for some decisions of a batch."""
-        inputs = batch.critic_inputs[some]
-        error = batch.lambda_returns[some] - self._value[inputs].sum(axis=1)
-        add_shared(self._value, inputs, error, self._ppo.fbql_value_rate)
 
     def _batch(self, trajectories: Sequence[Trajectory]) -> Batch:
         """Their decisions, with advantages by V as it is now."""
         self._grow_tables()
         assert self._features is not None
-        return Batch.of(trajectories, self._value, self._ppo.fbql_trace, self._features.active_features)
+        return batch_of(trajectories, self._value, self._ppo.fbql_trace, self._features.active_features)
 
     def _tables(self) -> dict[str, Floats]:
         return {"theta": self._theta, "value": self._value}
