@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from fbql_common.compilation import _compiled
 
 LEARN = """
 import hashlib, json, sys
@@ -74,3 +77,31 @@ def test_learning_works_where_no_place_can_be_written_to(interpreted: list[objec
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
     place = str(tmp_path / "file" / "cache")
     assert learn(PYTHONPATH=path, NUMBA_CACHE_DIR=place) == [True, *interpreted[1:]]
+
+
+def test_a_damaged_cache_is_repaired_and_a_full_disk_costs_only_the_cache(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    numba = pytest.importorskip("numba")
+    monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "thrice.py").write_text("def thrice(x):\n    return 3.0 * x\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    thrice = importlib.import_module("thrice").thrice
+
+    assert _compiled(numba, thrice)(2.0) == 6.0
+    files = [path for path in (tmp_path / "cache").rglob("*") if path.is_file()]
+    assert {path.suffix for path in files} == {".nbi", ".nbc"}
+    for path in files:
+        path.write_bytes(b"")
+    repaired = _compiled(numba, thrice)
+    assert repaired(2.0) == 6.0
+    assert not repaired.stats.cache_hits
+    kept = _compiled(numba, thrice)
+    assert kept(2.0) == 6.0
+    assert kept.stats.cache_hits
+
+    shutil.rmtree(tmp_path / "cache")
+    full = _compiled(numba, thrice)
+    shutil.rmtree(tmp_path / "cache")
+    (tmp_path / "cache").touch()  # no directory can be made any more, by root neither
+    assert full(2.0) == 6.0

@@ -1,7 +1,10 @@
-"""Compiles the kernels of the cores with Numba, and keeps the result for the next process.
+"""Compiles the kernels of the cores with Numba, and caches the result for the next process.
 
-Numba is imported here and nowhere else, when something begins to learn. Without it, or with FBQL_COMPILE=0, kernels stay
-interpreted: everything works, with the same bits, several times as slowly.
+Numba is imported here and nowhere else, once enough has been learned from to make it pay. Without it, or with
+FBQL_COMPILE=0, kernels stay interpreted: everything works, with the same bits, several times as slowly.
+
+The cache is NUMBA_CACHE_DIR if that is set, else __pycache__ beside the source, else the user's cache directory
+(~/.cache/numba). Where none of them can be written, each process compiles for itself. A damaged cache is emptied.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ import hashlib
 import inspect
 import os
 import sys
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from time import monotonic
@@ -80,11 +84,32 @@ def _compiled(numba: Any, function: Any) -> Any:
     before = getattr(config, "CACHE_LOCATOR_CLASSES", "")
     config.CACHE_LOCATOR_CLASSES = before or _LOCATORS
     try:
-        return numba.njit(cache=True, error_model="numpy")(function)
+        dispatcher = numba.njit(cache=True, error_model="numpy")(function)
+        _make_forgiving(dispatcher._cache)
+        return dispatcher
     except RuntimeError:  # no place: neither beside the source nor in the user's cache
         return numba.njit(error_model="numpy")(function)
     finally:
         config.CACHE_LOCATOR_CLASSES = before
+
+
+def _make_forgiving(kept: Any) -> None:
+    """Lets no failure of a function's cache end what is learning: the function is then compiled once more."""
+    load, save = kept.load_overload, kept.save_overload
+
+    def load_if_sound(*arguments: Any) -> Any:
+        try:
+            return load(*arguments)
+        except Exception:  # a damaged file: whatever unpickling it raises
+            with suppress(OSError):
+                kept.flush()
+            return None
+
+    def save_if_possible(*arguments: Any) -> None:
+        with suppress(OSError):
+            save(*arguments)
+
+    kept.load_overload, kept.save_overload = load_if_sound, save_if_possible
 
 
 @cache
