@@ -31,10 +31,12 @@ if "block" in sys.argv:
     sys.modules["numba"] = None
 session = SoccerSession(FusionParameters(controller="fbql", seed=3, episodes=6, guided=2))
 assert "numba" not in sys.modules or "block" in sys.argv, "imported before anything learns"
-prepare()
+if "short" not in sys.argv:
+    prepare()
 behaviors = [Behavior(name, load_tree(shipped_trees() / f"{name}.json")) for name in session.behaviors]
 play(session, WorldLoop(SimulationParameters(max_steps=500)), behaviors, lambda: True)
 arrays = session.policy().arrays
+assert "short" not in sys.argv or "numba" not in sys.modules, "a short training does not wait for it"
 total = hashlib.sha256()
 for name in sorted(arrays):
     total.update(arrays[name].tobytes())
@@ -62,6 +64,10 @@ def interpreted() -> list[object]:
 
 def test_what_is_learned_compiled_has_the_bits_of_what_is_learned_interpreted(interpreted: list[object]) -> None:
     assert learn() == [True, *interpreted[1:]]
+
+
+def test_a_short_training_does_not_load_numba(interpreted: list[object]) -> None:
+    assert learn("short") == interpreted
 
 
 def test_learning_works_without_numba(interpreted: list[object]) -> None:
