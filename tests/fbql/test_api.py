@@ -162,6 +162,25 @@ def test_an_error_names_an_argument_as_python_spells_it(arguments: dict[str, Any
     assert str(error.value).startswith(start)
 
 
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: fbql.play(episodes="3"), "episodes is '3'; expected int | None"),
+        (lambda: fbql.play(episodes=True), "episodes is True; expected int | None"),
+        (lambda: fbql.play(observations="mine.py:Mine"), "observations is 'mine.py:Mine'; expected Sequence[str]"),
+        (lambda: fbql.play(parameters={1: 2}), "parameters is {1: 2}; expected Mapping[str, Any] | None"),
+        (lambda: fbql.train(7), "controller is 7; expected str"),
+        (lambda: fbql.induce("ball_seeking", every=0.5), "every is 0.5; expected int | None"),
+        (lambda: fbql.induce("x" * 99), f"unknown behavior '{'x' * 99}'"),
+        (lambda: fbql.play(seed=["x" * 99]), f"seed is ['{'x' * 58}...; expected int"),
+    ],
+)
+def test_an_argument_of_another_type_is_refused_with_the_type_that_is_expected(call, text: str) -> None:
+    with pytest.raises(fbql.BadInput) as error:
+        call()
+    assert str(error.value).startswith(text)
+
+
 def test_an_unknown_name_is_an_attribute_error() -> None:
     assert set(fbql.__all__) <= set(dir(fbql))
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):

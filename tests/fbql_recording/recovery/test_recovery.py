@@ -149,6 +149,17 @@ def test_nothing_is_lost_where_what_is_damaged_is_there_twice(run):
     assert verification_of(found.path).digest == digest_of(run)
 
 
+def test_of_a_chunk_that_is_there_twice_in_a_killed_run_one_is_kept(killed, tmp_path):
+    whole = recover(killed, tmp_path / "whole", lambda _: None)
+    path = mcap_of(killed)
+    (begin, end), data = places_of(path, Opcode.CHUNK)[1], path.read_bytes()
+    path.write_bytes(data[:end] + data[begin:end] + data[end:])
+    found = recovered(killed)
+    assert list(open_run(found.path).messages()) == list(open_run(whole.path).messages())
+    words = f"the chunk at byte {end} is a copy of the one at byte {begin}; it is left out"
+    assert words in [gap.why for _, gap in found.gaps]
+
+
 def test_a_damaged_attachment_is_taken_from_beside_the_recording(run):
     begin, end = places_of(mcap_of(run), Opcode.ATTACHMENT)[1]
     spoil(mcap_of(run), (begin + end) // 2)

@@ -29,6 +29,7 @@ from fbql_recording.core.columns import BLOCK_STEPS, Columns, Recorded, block_of
 from fbql_recording.core.metrics import EpisodeRecord
 from fbql_recording.core.steps import Step
 
+from fbql.arguments import checked
 from fbql.cli.observations import register_observations
 from fbql.demonstrations.make_tree import (
     INDUCTION_SEED,
@@ -83,6 +84,7 @@ class PlayResult:
     """The run directory, with out=."""
 
 
+@checked
 def play(
     controller: str | None = None,
     *,
@@ -161,19 +163,21 @@ def play(
     )
 
 
-def train(controller: str = "fbql", **arguments: Any) -> PlayResult:
+@checked
+def train(controller: str = "fbql", *, learn: bool = True, **arguments: Any) -> PlayResult:
     """Plays a match in which the controller learns: `play` with learn=True. The result has the learned policy.
 
     Start untrained with policy="none", which by default adds 20 guided episodes at the beginning.
 
     Args:
         controller: one that learns.
+        learn: must be true.
         arguments: of `play`.
 
     Raises:
         BadInput: the controller does not learn, or something can't be used.
     """
-    if not arguments.setdefault("learn", True):
+    if not learn:
         raise BadInput("train with learn=False does not learn; use play")
     name = resolve_controller(controller).name
     if not learns(fusion_parameters(name)(controller=name)):
@@ -211,6 +215,7 @@ class InductionResult:
         return Path(path)
 
 
+@checked
 def induce(
     behavior: str,
     demonstrations: PathLike | Sequence[PathLike] | Sequence[Demonstration] | Patterns | None = None,

@@ -359,15 +359,16 @@ def _quoted(words: Sequence[str]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """A scalar of NumPy as Python's own; anything else as it is."""
-    return value.item() if isinstance(value, np.generic) else value
+    """A scalar of NumPy, or an array without dimensions, as Python's own scalar; anything else as it is."""
+    is_scalar = isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0)
+    return value.item() if is_scalar else value
 
 
 def set_text(value: object) -> str:
     """A parameter's value as --set takes it."""
+    value = plain(value)
     if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str):
         return ",".join(str(item) for item in cast("Sequence[object]", value))
-    value = plain(value)
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
