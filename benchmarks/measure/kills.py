@@ -5,8 +5,8 @@ to a node, while the graph starts or while it plays; SIGSTOP stands for a node t
 
 end       bringup.py ends within 60 s, and within 5 s more no process of it is left
 exit      a signal to bringup.py ends the match in good order (0; 1 before the match began; no exit code of its own where it
-          was killed, or had not begun to run); one to a node is a failure (1 or 3); no traceback; stdout is empty or one
-          JSON object
+          was killed); one to a node is a failure (1 or 3); no traceback; stdout is empty or one JSON object. While Python
+          itself starts, before a line of ours is run, a signal ends bringup.py as it ends every Python program
 loss      every command that a listener of another process heard is in the recording, but for those of the last flush
           period (0.5 s) before the signal
 recording it is finished and verifies, or `recover` repairs it and the repaired one verifies
@@ -218,17 +218,17 @@ def _left_behind(bringup: Bringup) -> Iterator[str]:
 def _said(plan: Plan, bringup: Bringup) -> Iterator[str]:
     """What is wrong with the exit code and with what was printed."""
     code, stdout, stderr = bringup.popen.poll(), bringup.stdout, bringup.stderr
+    is_loaded = bringup.out.exists() or "enter(" in stderr or "KeyboardInterrupt" not in stderr
     if plan.target != LAUNCHER:
         right = code in (1, 3)
     elif plan.signal == "SIGKILL":
         right = code == -signal.SIGKILL
     else:
-        unbegun = not bringup.out.exists()  # it was still being loaded
-        right = code in (0, 1) or (unbegun and code == -signal.Signals[plan.signal])
+        right = code in (0, 1) or (not bringup.out.exists() and code == -signal.Signals[plan.signal])
     if not right:
         yield f"exit code {code}"
-    if "Traceback" in stderr:
-        yield f"a traceback: {stderr[-300:]}"
+    if "Traceback" in stderr and is_loaded:
+        yield f"a traceback: {stderr[-2000:]}"
     if plan.target != LAUNCHER and plan.target in NODES and plan.target not in stderr:
         yield f"the node is not named: {stderr[-300:]}"
     try:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from environment.enter import environment_or_exit
+from environment.ready import environment_or_exit
 from environment.ros2 import SCRIPTS, real_ros2
 from environment.variables import BOOTSTRAPPED, append
 

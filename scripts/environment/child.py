@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .progress import SetUpError, Step
+from .signals import ENDING_SIGNALS
 
-ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 POLL_S = 0.2
 PATIENCE_S = 3.0
 SHOWN_LINES = 40

@@ -5,14 +5,8 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from collections.abc import Mapping
-from pathlib import Path
 
-from .progress import SetUpError, shown, write
-from .target import Target, target_for
-from .variables import process_environment
-
-ROOT = Path(__file__).resolve().parents[2]
+from .signals import hold_signals, let_signals_in
 
 # Set to the process id when an entry starts itself again in the environment. exec keeps the process id, and no child
 # has it, so that this is never inherited by an entry that has yet to look after its environment.
@@ -25,8 +19,13 @@ def enter(name: str, purpose: str = "run", module: str = "") -> None:
 
     `purpose` is run, test (adds the test tools), study (adds what studies need) or bags (adds what reads bags of others);
     the last two not if only the help is requested. Does not return.
+
+    Signals that end a program wait until the command is there to act on them.
     """
+    hold_signals()
     if os.environ.pop(ENTERED, None) == str(os.getpid()):
+        if module or name == "test":
+            let_signals_in()
         if name == "test":
             run_tests(sys.argv[1:])
         if module:
@@ -36,6 +35,8 @@ def enter(name: str, purpose: str = "run", module: str = "") -> None:
         sys.exit(run(name, sys.argv[1:], f"{name}.py"))
     if purpose in ("study", "bags") and not {"-h", "--help"}.isdisjoint(sys.argv[1:]):
         purpose = "run"
+    from .ready import environment_or_exit
+
     target, environ = environment_or_exit(purpose)
     environ[ENTERED] = str(os.getpid())
     os.execve(target.python, [str(target.python), sys.argv[0], *sys.argv[1:]], environ)
@@ -43,6 +44,9 @@ def enter(name: str, purpose: str = "run", module: str = "") -> None:
 
 def run_tests(argv: list[str]) -> None:
     """Become pytest on the checkout, from any working directory; without arguments all but the long tests."""
+    from pathlib import Path
+
+    from .ready import ROOT
 
     def absolute(argument: str) -> str:
         path, separator, test = argument.partition("::")
@@ -52,36 +56,3 @@ def run_tests(argv: list[str]) -> None:
     arguments = [absolute(argument) for argument in argv]
     os.chdir(ROOT)
     os.execv(sys.executable, [sys.executable, "-m", "pytest", "-m", "not long", *arguments])
-
-
-def environment_or_exit(purpose: str = "run") -> tuple[Target, dict[str, str]]:
-    """The environment, created if necessary, and the variables of a process in it; on an error one line and exit code
-    2."""
-    open_standard_streams()
-    try:
-        return ensure_environment(ROOT, purpose, os.environ)
-    except SetUpError as error:
-        write((f"{error.details}\n" if error.details else "") + f"fbql: {shown(error)}\n")
-        sys.exit(2)
-    except KeyboardInterrupt:
-        write("fbql: the set-up was interrupted; the next start resumes it.\n")
-        sys.exit(130)
-
-
-def open_standard_streams() -> None:
-    """Open /dev/null for those of stdin, stdout and stderr that are closed: so that no other file gets their
-    numbers."""
-    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
-        os.set_inheritable(descriptor, True)
-    os.close(descriptor)
-
-
-def ensure_environment(root: Path, purpose: str, environ: Mapping[str, str]) -> tuple[Target, dict[str, str]]:
-    """The environment of the checkout `root`, set up if need be, and the variables of a process in it."""
-    target = target_for(root, environ)
-    packages = target.packages()
-    if not target.is_ready(purpose, packages):
-        from .set_up import set_up  # it and what it imports are not needed by a start that has nothing to do
-
-        packages = set_up(target, purpose, environ)
-    return target, process_environment(target, environ, packages)

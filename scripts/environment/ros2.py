@@ -17,8 +17,8 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-from .enter import ROOT, environment_or_exit
 from .progress import shown, write
+from .ready import ROOT, environment_or_exit
 from .target import matches, split_path, target_for
 
 MARKERS = Path("share", "ament_index", "resource_index", "packages")

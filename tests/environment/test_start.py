@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from environment import enter
+from environment import enter, ready
+from environment.signals import signals_let_in
 from environment.target import lock_entries
 from places import ROOT
 from setup_checkout import (
@@ -358,8 +361,30 @@ def test_help_alone_installs_no_study_packages(
     def refuse(purpose: str) -> None:
         raise Asked(purpose)
 
-    monkeypatch.setattr(sys.modules["environment.enter"], "environment_or_exit", refuse)
+    monkeypatch.setattr(ready, "environment_or_exit", refuse)
     monkeypatch.setattr(sys, "argv", ["command.py", *argv])
     monkeypatch.delenv("_FBQL_ENTERED", raising=False)
-    with pytest.raises(Asked, match=f"^{asked}$"):
+    with signals_let_in(), pytest.raises(Asked, match=f"^{asked}$"):
         enter("experiment", purpose=purpose)
+
+
+@pytest.mark.parametrize(
+    ("command", "code", "line"),
+    [
+        (["bringup"], 1, "bringup.py: ended by SIGINT; the match had not begun"),
+        (["tree", "explain", "ball_seeking"], 130, "tree.py: interrupted"),
+    ],
+)
+def test_an_interrupt_while_a_command_is_loaded_waits_and_ends_it_without_a_traceback(
+    tmp_path: Path, command: list[str], code: int, line: str
+) -> None:
+    words = [sys.executable, str(ROOT / "scripts" / f"{command[0]}.py"), *command[1:]]
+    popen = subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    blocked, interrupt = 0, 1 << (signal.SIGINT - 1)
+    while not blocked & interrupt:
+        assert popen.poll() is None, "it never made signals wait"
+        status = Path(f"/proc/{popen.pid}/status").read_text()
+        blocked = int(re.search(r"^SigBlk:\s*(\w+)$", status, re.MULTILINE)[1], 16)
+    popen.send_signal(signal.SIGINT)
+    stdout, stderr = popen.communicate(timeout=START_TIMEOUT_S)
+    assert (popen.returncode, stdout, stderr) == (code, "", f"{line}\n")

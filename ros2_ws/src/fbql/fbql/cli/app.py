@@ -94,6 +94,7 @@ def run(name: str, argv: Sequence[str], program: str = "") -> int:
         interrupts.install()  # before all else: importing takes a second, in which a signal would end in a traceback
 
     def work() -> int:
+        interrupts.let_in()
         if os.environ.get("RMW_IMPLEMENTATION"):
             _check_middleware()
         command = _find(name)

@@ -23,6 +23,10 @@ class Interrupts:
         for number in NUMBERS:
             signal.signal(number, self._note)
 
+    def let_in(self) -> None:
+        """Lets signals act that came, or come, while the program is being loaded: an entry script makes them wait."""
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS)
+
     @property
     def name(self) -> str:
         """The name of the signal that came."""

@@ -42,6 +42,7 @@ class CommandNode:
 
     def close(self) -> None:
         """Leaves the graph."""
+        self._executor.shutdown()  # else its sockets stay open, and the domain counts as used
         self.node.destroy_node()
         self._context.try_shutdown()
 
