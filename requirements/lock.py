@@ -22,6 +22,7 @@ LOCKS = {
     "study": ("project.dependencies", "project.optional-dependencies.studies", "project.optional-dependencies.bags"),
     "foxglove": ("project.optional-dependencies.foxglove",),
     "peers": ("project.optional-dependencies.peers",),
+    "rooms": ("project.optional-dependencies.rooms",),
 }
 """Lock -> the lists of pyproject.toml that it covers. No lock contradicts one above it."""
 

@@ -280,6 +280,7 @@ def test_nothing_unpickles() -> None:
 
 NAMES = {
     "foxglove": "foxglove-sdk",
+    "irsim": "ir-sim",
     "sklearn": "scikit-learn",
     "stable_baselines3": "stable-baselines3",
     "yaml": "PyYAML",

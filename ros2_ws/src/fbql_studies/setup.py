@@ -20,11 +20,12 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
     ],
-    install_requires=["setuptools", "numpy"],
+    install_requires=["setuptools", "numpy", "PyYAML"],
     extras_require={
         "cluster": ["distributed"],
         "figures": ["matplotlib"],
         "peers": ["gymnasium", "scikit-learn", "stable-baselines3", "torch"],
+        "rooms": ["ir-sim"],
         "test": ["pytest"],
     },
     zip_safe=False,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 VARIABLE = "FBQL_CHECKOUT"
 """The environment variable in which `scripts/NAME.py` and `scripts/env.sh` name their checkout."""
-LOCKS = {"bags": "bags", "foxglove": "foxglove", "peers": "peers"}
+LOCKS = {"bags": "bags", "foxglove": "foxglove", "peers": "peers", "rooms": "rooms"}
 """Extra -> its lock file in requirements/, where that is not study.txt."""
 
 

@@ -14,6 +14,7 @@ EXTRAS = {
     "distributed": "studies",
     "rosbags": "bags",
     "gymnasium": "gymnasium",
+    "irsim": "rooms",
     "matplotlib": "studies",
     "pandas": "studies",
     "pyarrow": "studies",
