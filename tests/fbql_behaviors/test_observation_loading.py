@@ -15,7 +15,7 @@ from fbql_behaviors.core.tree import Leaf, Tree
 from fbql_behaviors.observation_loading import GROUP, find_observation, load_observation
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import World
-from fbql_sim.core.arena import closest_wall_point
+from fbql_common.core.walls import closest_wall_point
 
 WORLD = World(1, 0, 0, 0.25, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.9, 0.0, *[False] * 6)
 SOUND = """

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from fbql_common.core.types import World
+from fbql_common.core.walls import closest_wall_point
 from fbql_common.terminal.screen import Line, text_of
-from fbql_sim.core.arena import closest_wall_point
 
 
 def world_with(x: float = 0.0, y: float = 0.0, yaw: float = 0.0, ball: tuple[float, float] = (0.55, 0.6)) -> World:

@@ -25,6 +25,7 @@ from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
 from fbql_fusion.core.learners.value.parameters import FbqlValueParameters
 from fbql_fusion.core.tasks.soccer.parameters import SoccerParameters
 from fbql_fusion.core.tasks.soccer.subsumption import PRESETS, SubsumptionParameters
+from fbql_fusion.core.tasks.soccer.world_model.parameters import WorldModelParameters
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_sim.core.parameters import SimulationParameters
 from places import ROOT
@@ -64,6 +65,7 @@ DECLARATIONS = {
         SimulationParameters,
         SubsumptionParameters,
         TuningParameters,
+        WorldModelParameters,
     )
 }
 

@@ -9,8 +9,8 @@ from drawn_field import plain, world_with
 from fbql.watch.page import page
 from fbql.watch.picture import Trail, field_picture
 from fbql_common.core.types import World
+from fbql_common.core.walls import HALF_LENGTH, HALF_WIDTH
 from fbql_common.terminal.screen import Line, text_of
-from fbql_sim.core.arena import HALF_LENGTH, HALF_WIDTH
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -29,9 +29,10 @@ from fbql_behaviors.core.exercises import (
     wall_avoiding_reward,
     way_behind_ball,
 )
-from fbql_behaviors.core.observation import DETOUR_RADIUS_M, OBSERVATIONS
+from fbql_behaviors.core.observation import OBSERVATIONS
 from fbql_behaviors.core.tree import Leaf, Tree
 from fbql_common.core.errors import BadInput
+from fbql_common.core.geometry import DETOUR_RADIUS_M
 from fbql_common.core.types import World
 from hypothesis import given
 from hypothesis import strategies as st

@@ -6,7 +6,8 @@ from math import cos, hypot, pi, sin
 
 import pytest
 from fbql_common.core.field import FIELD
-from fbql_sim.core.arena import HALF_GOAL, HALF_LENGTH, HALF_WIDTH, POCKET, SEGMENTS, closest_wall_point, wall_blocks
+from fbql_common.core.walls import HALF_GOAL, HALF_LENGTH, HALF_WIDTH, POCKET, closest_wall_point
+from fbql_sim.core.arena import SEGMENTS, wall_blocks
 from hypothesis import example, given
 from hypothesis import strategies as st
 

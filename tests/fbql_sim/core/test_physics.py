@@ -9,7 +9,7 @@ from statistics import median
 import pytest
 from fbql_common.core.field import AXLE_M, BALL_RADIUS_M, FIELD, MAX_WHEEL_RAD_S, ROBOT_SIDE_M, WHEEL_RADIUS_M
 from fbql_common.core.geometry import wrap_angle
-from fbql_sim.core.arena import HALF_GOAL, HALF_LENGTH, HALF_WIDTH, POCKET, SIDE_END
+from fbql_common.core.walls import HALF_GOAL, HALF_LENGTH, HALF_WIDTH, POCKET, SIDE_END
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.physics import Physics, Start
 from hypothesis import given, settings

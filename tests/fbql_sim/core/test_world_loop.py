@@ -14,7 +14,7 @@ from math import hypot, inf, nan, pi
 import pytest
 from fbql_common.core.field import MAX_WHEEL_RAD_S
 from fbql_common.core.types import World
-from fbql_sim.core.arena import closest_wall_point
+from fbql_common.core.walls import closest_wall_point
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.scripted_law import law
 from fbql_sim.core.world_loop import WorldLoop

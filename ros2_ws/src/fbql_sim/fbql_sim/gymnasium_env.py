@@ -22,9 +22,9 @@ from fbql_common.core.field import FIELD, MAX_WHEEL_RAD_S
 from fbql_common.core.parameters import from_mapping, limits_of, parameter, types_of
 from fbql_common.core.text import quoted
 from fbql_common.core.types import World
+from fbql_common.core.walls import POCKET
 from numpy.typing import NDArray
 
-from fbql_sim.core.arena import POCKET
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 

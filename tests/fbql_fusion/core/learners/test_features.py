@@ -8,7 +8,17 @@ from math import isfinite
 import numpy as np
 import pytest
 from fbql_common.core.types import NO_LEAF
-from fbql_fusion.core.learners.features import KNOTS, Features, Resolution, Scales, Situation, tile_keys
+from fbql_fusion.core.learners.features import (
+    KNOTS,
+    Features,
+    KeyIndex,
+    Resolution,
+    Scales,
+    Situation,
+    indices_of,
+    situation_keys,
+    tile_keys,
+)
 from fbql_fusion.core.learners.tilings import Tilings, critic_tilings
 from fbql_fusion.core.tasks.soccer.critic import WIDTHS
 from hypothesis import given
@@ -347,3 +357,33 @@ def test_the_kernel_finds_the_keys_of_ranks_and_tilings(mirror: bool) -> None:
         with np.errstate(over="ignore"):
             found = tile_keys.function(values, scales.knots, scales.signed, scales.decisive, *tilings)
         assert found.tolist() == tilings.keys(at)
+
+
+def test_keys_of_tables_are_those_of_the_features() -> None:
+    for resolution in (DEFAULT, Resolution(leaf_pairs=False), Resolution(pair_tilings=0, joint_tilings=0)):
+        features = made(resolution)
+        for each in sensed(np.random.default_rng(9), 50):
+            row = features.row(each)
+            values = np.array([x for observed in each.observed for x in observed])
+            keys = situation_keys(features.tables(), np.array(each.joint_state), values)
+            assert features.keys[row].tolist() == keys.tolist()
+
+
+def test_an_index_of_keys_finds_every_feature_and_numbers_new_ones_in_order() -> None:
+    rng = np.random.default_rng(1)
+    keys = rng.integers(-(1 << 40), 1 << 62, 30_000)
+    index = KeyIndex.of(keys)
+    found = np.empty(30_002, dtype=np.int64)
+    index = indices_of(np.concatenate([keys[::-1], [5, 5]]), index, found)
+    assert found.tolist() == [*reversed(range(30_000)), 30_000, 30_000]
+    assert index.keys[: index.known].tolist() == [*keys.tolist(), 5]
+
+
+def test_keys_that_are_added_get_the_next_indices() -> None:
+    features = made()
+    row = features.row(sensed(np.random.default_rng(9), 1)[0])
+    features.add_keys(np.array([11, 12]))
+    assert len(features) == len(row) + 2
+    assert features.keys[-2:].tolist() == [11, 12]
+    with pytest.raises(ValueError, match="11"):
+        features.add_keys(np.array([11]))

@@ -14,7 +14,7 @@ from fbql_behaviors.core.patterns import Demonstration
 from fbql_common.core.errors import BadInput
 from fbql_common.core.geometry import ball_distance_and_bearing, wrap_angle
 from fbql_common.core.types import WheelCommand, World
-from fbql_sim.core.arena import closest_wall_point
+from fbql_common.core.walls import closest_wall_point
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.physics import Start
 from fbql_sim.core.task import NO_EVENTS, Task

@@ -14,10 +14,15 @@ from typing import NamedTuple, Protocol
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.field import BALL_RADIUS_M, MAX_WHEEL_RAD_S, ROBOT_SIDE_M, WHEEL_RADIUS_M
-from fbql_common.core.geometry import approach_angle, ball_distance_and_bearing, wall_distance_and_bearing
+from fbql_common.core.geometry import (
+    DETOUR_RADIUS_M,
+    approach_angle,
+    ball_distance_and_bearing,
+    wall_distance_and_bearing,
+)
 from fbql_common.core.types import World
 
-from fbql_behaviors.core.observation import DETOUR_RADIUS_M, observation_of
+from fbql_behaviors.core.observation import observation_of
 from fbql_behaviors.core.tree import Tree
 
 FULL_SPEED_M_S = MAX_WHEEL_RAD_S * WHEEL_RADIUS_M

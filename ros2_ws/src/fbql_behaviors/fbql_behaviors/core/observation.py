@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.geometry import (
+    DETOUR_GAIN,
+    DETOUR_RADIUS_M,
     approach_angle,
     ball_distance_and_bearing,
     wall_distance_and_bearing,
@@ -53,10 +55,6 @@ DISTANCE_M = 3.2
 """Root range of the ball's distance [m]: above the field's diagonal, and its halves 1.6, 0.8, ... 0.05 suit the task."""
 WALL_DISTANCE_M = 0.96
 """Root range of the wall's distance [m]: above half the field's width; halves 0.48, 0.24, 0.12, 0.06."""
-DETOUR_RADIUS_M = 0.09
-"""Radius of the detour round the ball [m]."""
-DETOUR_GAIN = 2.5
-"""How far the detour leads away from the ball for a small psi [1]; above 1, or psi never shrinks."""
 
 
 def approaching(world: World) -> tuple[float, float]:

@@ -11,6 +11,11 @@ from math import atan2, hypot, pi, remainder, tau
 from fbql_common.core.field import FIELD
 from fbql_common.core.types import World
 
+DETOUR_RADIUS_M = 0.09
+"""Radius of the detour round the ball [m]."""
+DETOUR_GAIN = 2.5
+"""How far the detour leads away from the ball for a small psi [1]; above 1, or psi never shrinks."""
+
 
 def wrap_angle(angle_rad: float) -> float:
     """The same direction in (-pi, pi] [rad]."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import isfinite
 
 from fbql_common.core.types import World, made_of
+from fbql_common.core.walls import closest_wall_point
 
-from fbql_sim.core.arena import closest_wall_point
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.physics import Physics
 from fbql_sim.core.task import NO_EVENTS, Events, Task

@@ -10,10 +10,10 @@ from typing import Any
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.field import FIELD
 from fbql_common.core.types import World
+from fbql_common.core.walls import closest_wall_point
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.soccer_session import SoccerSession
-from fbql_sim.core.arena import closest_wall_point
 
 BALL_M = (0.4, 0.3)
 HEADINGS_RAD = (0.0, pi / 2, pi)

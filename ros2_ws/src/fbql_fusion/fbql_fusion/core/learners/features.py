@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from fbql_common.core.errors import BadInput
-from fbql_common.core.kernels import kernel
+from fbql_common.core.kernels import kernel, kernel_for
 from fbql_common.core.types import NO_LEAF
 from numpy.typing import NDArray
 
@@ -31,6 +31,8 @@ SIGNED_SHARE = 0.1
 """A component is signed if at least this share of its values is below 0, and at least this share above."""
 _MIX = 1_000_003
 BELOW_ONE = 1.0 - 1e-12
+_SLOTS = 1 << 14
+"""Slots that a `KeyIndex` starts with."""
 
 
 class Situation(NamedTuple):
@@ -101,7 +103,25 @@ class Scales:
         ]
 
 
-@kernel
+def _tile_keys_interpreted(
+    values: NDArray[np.float64],
+    knots: NDArray[np.float64],
+    signed: NDArray[np.bool_],
+    decisive: int,
+    sizes: NDArray[np.float64],
+    shifts: NDArray[np.float64],
+    factors: NDArray[np.int64],
+    families: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    at = values.copy()
+    turned = decisive >= 0 and values[decisive] < 0.0
+    for c, own in enumerate(knots.tolist()):
+        at[c] = _rank(float(-values[c] if turned and signed[c] else values[c]), own)
+    tiles = np.floor(sizes * at + shifts).astype(np.int64)
+    return (tiles * factors).sum(axis=1) + families & TILE  # arrays wrap round without a warning
+
+
+@kernel_for(_tile_keys_interpreted)
 def tile_keys(
     values: NDArray[np.float64],
     knots: NDArray[np.float64],
@@ -183,6 +203,112 @@ class Resolution(NamedTuple):
     """Whether situations that mirror each other share their tiles."""
 
 
+class FeatureTables(NamedTuple):
+    """What the keys of a complete situation are made of, as arrays: the input of kernels. n behaviors, d components."""
+
+    knots: NDArray[np.float64]
+    """Of the scales, [d, KNOTS]."""
+    signed: NDArray[np.bool_]
+    """[d]"""
+    decisive: int
+    tilings: Tilings
+    """Those of the observations, then those of the critic's inputs."""
+    leaf_bases: NDArray[np.int64]
+    """Key of each behavior's leaf 0, [n]; empty if leaves are no features."""
+    pairs: NDArray[np.int64]
+    """Pairs of behaviors, and the key of their leaves 0, [P, 3]; empty if they are no features."""
+    active: int
+    """F"""
+    critic: int
+    """F'"""
+
+
+@kernel
+def situation_keys(
+    features: FeatureTables, leaves: NDArray[np.int64], values: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """The keys of a situation's features, [F + F'], as `Features` has them.
+
+    Args:
+        leaves: joint state, [n].
+        values: everything sensed, then the critic's inputs if the tilings have components for them.
+    """
+    tilings = features.tilings
+    tiles = tile_keys(
+        values,
+        features.knots,
+        features.signed,
+        features.decisive,
+        tilings.sizes,
+        tilings.shifts,
+        tilings.factors,
+        tilings.families,
+    )
+    singles, pairs = len(features.leaf_bases), len(features.pairs)
+    keys = np.empty(singles + pairs + len(tiles), dtype=np.int64)
+    for i in range(singles):
+        keys[i] = features.leaf_bases[i] - leaves[i]
+    for i in range(pairs):
+        first, second, base = features.pairs[i]
+        keys[singles + i] = base + leaves[first] * _MIX + leaves[second]
+    keys[singles + pairs :] = tiles
+    return keys
+
+
+class KeyIndex(NamedTuple):
+    """The index of each feature by its key: a hash table with open addressing; the input of kernels."""
+
+    slots: NDArray[np.int64]
+    """Key and index of a feature; index -1 where the slot is free, [a power of 2, 2]."""
+    keys: NDArray[np.int64]
+    """The key of each feature, in the order of their indices, [at least known]."""
+    known: int
+    """Number of features."""
+
+    @classmethod
+    def of(cls, keys: NDArray[np.int64]) -> KeyIndex:
+        """The index of these features."""
+        slots = np.full((_SLOTS, 2), -1, dtype=np.int64)
+        index = cls(slots, np.empty(_SLOTS, dtype=np.int64), 0)
+        return indices_of(keys, index, np.empty(len(keys), dtype=np.int64))
+
+
+@kernel
+def indices_of(keys: NDArray[np.int64], index: KeyIndex, found: NDArray[np.int64]) -> KeyIndex:
+    """Writes the index of each key to `found`; keys met for the first time get the next ones.
+
+    Returns:
+        The index with these keys. The given one must not be used any more.
+    """
+    slots, known_keys, known = index.slots, index.keys, index.known
+    mask = len(slots) - 1
+    for i in range(len(keys)):
+        key = keys[i]
+        at = (key ^ (key >> 17) ^ (key >> 37)) & mask
+        while slots[at, 1] >= 0 and slots[at, 0] != key:
+            at = (at + 1) & mask
+        if slots[at, 1] < 0:
+            slots[at, 0], slots[at, 1] = key, known
+            known_keys[known] = key
+            known += 1
+            if 2 * known >= len(slots):
+                mask = 2 * len(slots) - 1
+                slots = np.full((2 * len(slots), 2), -1, dtype=np.int64)
+                longer = np.empty(2 * len(known_keys), dtype=np.int64)
+                longer[:known] = known_keys[:known]
+                known_keys = longer
+                for j in range(known):
+                    other = known_keys[j]
+                    at = (other ^ (other >> 17) ^ (other >> 37)) & mask
+                    while slots[at, 1] >= 0:
+                        at = (at + 1) & mask
+                    slots[at, 0], slots[at, 1] = other, j
+            found[i] = known - 1
+        else:
+            found[i] = slots[at, 1]
+    return KeyIndex(slots, known_keys, known)
+
+
 class Features:
     """The indices of a situation's active features.
 
@@ -251,6 +377,26 @@ class Features:
         if len(index) != len(keys):
             raise BadInput("the policy's array 'keys' has a feature twice")
         self._index = index
+
+    def add_keys(self, keys: NDArray[np.int64]) -> None:
+        """Gives the next indices to new features, in order. Raises ValueError for one that has an index."""
+        for key in keys.tolist():
+            if self._index.setdefault(key, len(self._index)) != len(self._index) - 1:
+                raise ValueError(f"the feature with key {key} has an index already")
+
+    def tables(self) -> FeatureTables:
+        """The same features for compiled code, which `situation_keys` reads."""
+        pairs = np.array(self._leaf_pairs, dtype=np.int64).reshape(-1, 3)
+        return FeatureTables(
+            self.scales.knots,
+            self.scales.signed,
+            self.scales.decisive,
+            self._with_critic if self.critic_features else self._tilings,
+            np.array(self._leaves, dtype=np.int64),
+            pairs,
+            self.active_features,
+            self.critic_features,
+        )
 
     def row(self, situation: Situation) -> list[int]:
         """The active features, then those of the critic's further inputs: the part of a situation that is kept to

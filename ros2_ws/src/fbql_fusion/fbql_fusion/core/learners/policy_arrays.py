@@ -10,14 +10,14 @@ from fbql_common.core.errors import BadInput
 from numpy.typing import NDArray
 
 _LOW = (1 << 64) - 1
-_TYPES = {"l": np.int32, "i": np.int64, "u": np.uint64, "f": np.float64, "b": np.bool_}
+_TYPES = {"l": np.int32, "i": np.int64, "u": np.uint64, "s": np.float32, "f": np.float64, "b": np.bool_}
 
 
 def check_arrays(arrays: Mapping[str, NDArray[Any]], expected: Mapping[str, tuple[str, tuple[int, ...]]]) -> None:
     """Raises BadInput where an array is missing, of another kind or shape, or has a value that is not finite.
 
     Args:
-        expected: for each array its kind ("l" int32, "i" int64, "u" uint64, "f" float64 or "b" bool) and its shape.
+        expected: for each array its kind ("l" int32, "i" int64, "u" uint64, "s" float32, "f" float64 or "b" bool) and its shape.
     """
     for name, (kind, shape) in expected.items():
         if name not in arrays:
@@ -29,7 +29,7 @@ def check_arrays(arrays: Mapping[str, NDArray[Any]], expected: Mapping[str, tupl
                 f"expected {np.dtype(_TYPES[kind])} {list(shape)}: it belongs to other behaviors, parameters or another release; "
                 "train it again"
             )
-        if kind == "f" and not np.isfinite(found).all():
+        if kind in "sf" and not np.isfinite(found).all():
             raise BadInput(f"the policy's array '{name}' has a value that is not finite")
 
 

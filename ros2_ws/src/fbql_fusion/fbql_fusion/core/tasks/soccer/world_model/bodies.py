@@ -1,0 +1,68 @@
+"""Eq. 27: the known sizes keep robot, ball and walls out of each other. Pure functions of places [m] and headings [rad].
+
+The robot is a square, the ball a circle. What overlaps is moved apart along the shortest way; velocities stay.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from fbql_common.core.field import BALL_RADIUS_M, ROBOT_SIDE_M
+from fbql_common.core.kernels import kernel
+from fbql_common.core.walls import closest_wall
+
+_HALF = ROBOT_SIDE_M / 2
+_RADIUS = BALL_RADIUS_M
+_CORNERS = 2
+"""Walls that can meet: so often a body is moved off the closest one."""
+
+
+@kernel
+def ball_off_walls(x_m: float, y_m: float) -> tuple[float, float]:
+    """The ball's centre, moved until the ball no longer overlaps a wall."""
+    for _ in range(_CORNERS):
+        wall_x, wall_y, normal_x, normal_y, _ = closest_wall(x_m, y_m)
+        lack = _RADIUS - ((x_m - wall_x) * normal_x + (y_m - wall_y) * normal_y)
+        if lack <= 0.0:
+            break
+        x_m += lack * normal_x
+        y_m += lack * normal_y
+    return x_m, y_m
+
+
+@kernel
+def robot_off_walls(x_m: float, y_m: float, cosine: float, sine: float) -> tuple[float, float]:
+    """The robot's centre, moved until the robot no longer overlaps a wall.
+
+    Args:
+        cosine, sine: of its heading.
+    """
+    for _ in range(_CORNERS):
+        wall_x, wall_y, normal_x, normal_y, post = closest_wall(x_m, y_m)
+        along = abs(cosine * normal_x + sine * normal_y)
+        across = abs(cosine * normal_y - sine * normal_x)
+        reach = _HALF / max(along, across) if post else _HALF * (along + across)
+        lack = reach - ((x_m - wall_x) * normal_x + (y_m - wall_y) * normal_y)
+        if lack <= 0.0:
+            break
+        x_m += lack * normal_x
+        y_m += lack * normal_y
+    return x_m, y_m
+
+
+@kernel
+def ball_off_robot(x_m: float, y_m: float) -> tuple[float, float]:
+    """The ball's centre in the robot's frame, moved until the ball no longer overlaps the robot."""
+    near_x = min(max(x_m, -_HALF), _HALF)
+    near_y = min(max(y_m, -_HALF), _HALF)
+    dx, dy = x_m - near_x, y_m - near_y
+    squared = dx * dx + dy * dy
+    if squared >= _RADIUS * _RADIUS:
+        return x_m, y_m
+    if squared > 0.0:
+        scale = _RADIUS / sqrt(squared)
+        return near_x + dx * scale, near_y + dy * scale
+    # the centre is in the square: out at the nearest side
+    if abs(x_m) >= abs(y_m):
+        return (_HALF + _RADIUS if x_m >= 0.0 else -_HALF - _RADIUS), y_m
+    return x_m, (_HALF + _RADIUS if y_m >= 0.0 else -_HALF - _RADIUS)
