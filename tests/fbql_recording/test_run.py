@@ -132,6 +132,8 @@ def test_a_file_alone_tells_what_its_directory_tells(recorded, tmp_path):
     assert (run.behaviors, run.counts, run.parameters) == (whole.behaviors, whole.counts, whole.parameters)
     assert run.episodes() == whole.episodes()
     assert run.parameters["fusion"]["seed"] == 3
+    assert run.about == whole.about
+    assert (run.about["controller"], run.about["seed"]) == ("fbql_literal", "3")
     assert {"config.yaml", "episodes.csv", "policy.npz", *(f"trees/{name}.json" for name in BEHAVIORS)} == set(
         run.attachments
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -14,7 +15,9 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from commands import induce
+from commands import induce, tree
+from fbql.commands.bringup import parser as bringup_parser
+from fbql.match.options import match_from
 from fbql.report.induction import Induction, induction_page
 from fbql_behaviors.core.explanation import rules
 from fbql_behaviors.core.patterns import patterns_from_rows
@@ -42,6 +45,29 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     line = said.err.splitlines()[-1]
     assert line.startswith("induce.py: ")
     return line
+
+
+def next_commands(said: str) -> list[list[str]]:
+    """The commands that are said to come next, split as a shell would."""
+    lines = said.partition("Next:\n")[2].splitlines()
+    return [shlex.split(line)[1:] for line in lines if line.startswith("  python3 ")]
+
+
+def test_what_to_type_next_is_said_and_can_be_typed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "my trees" / "ball_seeking.json"
+    assert induce(["ball_seeking", *FEW, "--out", str(path)]) == 0
+    reading, playing = next_commands(capsys.readouterr().err)
+    assert (reading[0], playing[0]) == ("scripts/tree.py", "scripts/bringup.py")
+    assert tree(reading[1:]) == 0
+    assert "leaf  0: " in capsys.readouterr().out
+    assert match_from(bringup_parser("bringup").parse_args(playing[1:])).behaviors["ball_seeking"] == path
+
+
+def test_a_tree_that_no_team_finds_is_only_read_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert induce(["ball_seeking", *FEW, "--out", str(tmp_path / "other.json")]) == 0
+    assert [command[0] for command in next_commands(capsys.readouterr().err)] == ["scripts/tree.py"]
+    assert induce(["ball_seeking", *FEW, "--out", str(tmp_path / "other.json"), "--json"]) == 0
+    assert "Next" not in capsys.readouterr().err
 
 
 class Page(HTMLParser):

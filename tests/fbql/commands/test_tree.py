@@ -178,3 +178,51 @@ def test_a_full_disk_is_a_failure_and_no_bad_input(capsys: pytest.CaptureFixture
         capsys.readouterr().err
         == "tree.py: /dev/full: cannot be written (No space left on device); make room there, or choose another place\n"
     )
+
+
+def test_change_writes_the_tree_with_another_command_in_one_leaf(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "new" / "ball_seeking.json"
+    out = said(capsys, "change", BALL, "--leaf", 19, "--command", "-5,59.5", "--out", file)
+    before, after = load_tree(BALL), load_tree(file)
+    assert out.splitlines() == [
+        f"leaf 19 was:  {rules(before)[19].sentence}",
+        f"leaf 19 is:   {rules(after)[19].sentence}",
+        f"tree {file}",
+    ]
+    assert after.leaves[19] == Leaf(-5.0, 59.5, before.wheel_leaves[19].patterns)
+    assert [new for new, old in zip(after.leaves, before.leaves, strict=True) if new != old] == [after.leaves[19]]
+    assert (after.nodes, after.features) == (before.nodes, before.features)
+    assert after.origin["changed_from"] == before.hash
+    assert after.origin["changed_from_origin"] == before.origin
+
+
+def test_a_tree_that_is_changed_again_and_again_stays_readable(tmp_path: Path) -> None:
+    file = tmp_path / "wall_avoiding.json"
+    file.write_bytes(WALL.read_bytes())
+    for count in range(40):
+        assert run("change", file, "--leaf", count % 11, "--command", f"{count},3", "--out", file) == 0
+    origin = load_tree(file).origin
+    assert origin["changed_from"] == load_tree(WALL).hash
+    assert origin["changed_leaves"] == [count % 11 for count in range(40)]
+
+
+@pytest.mark.parametrize(
+    ("leaf", "values", "reason"),
+    [
+        (101, "1,2", "--leaf 101: the tree has the leaves 0 to 100"),
+        (-1, "1,2", "--leaf -1: the tree has the leaves 0 to 100"),
+        (0, "1", "--command 1: 1 values; this tree commands left,right"),
+        (0, "1,fast", "'fast' is not a number"),
+        (0, "nan,1", "left is nan; it must be finite"),
+        (0, "1,2000", "leaf 0: right_rad_s is 2000.0, outside of +-88 rad/s"),
+    ],
+)
+def test_a_change_that_no_tree_can_have_is_refused(
+    leaf: int, values: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("change", BALL, "--leaf", leaf, "--command", values, "--out", tmp_path / "tree.json") == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1 and reason in line
+    assert not (tmp_path / "tree.json").exists()

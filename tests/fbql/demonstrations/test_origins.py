@@ -10,7 +10,7 @@ from math import inf, nextafter
 from pathlib import Path
 
 import pytest
-from commands import demonstrate
+from commands import demonstrate, replay
 from fbql.demonstrations.instruct import instruct, simulation_of, starts
 from fbql.demonstrations.origins import ORIGINS_KEY, Origin, about_origins, merge, origins_of, recordings_of
 from fbql.demonstrations.recording import PAUSE_NS, in_sequence, save_demonstrations
@@ -21,6 +21,7 @@ from fbql_behaviors.demonstration_storage import load_demonstrations, load_recor
 from fbql_common.core.errors import BadInput
 from fbql_sim.core.parameters import SimulationParameters
 from file_limit import largest_file
+from places import ROOT
 
 BEHAVIOR, SEED, COUNT, STEPS = "approaching", 3, 4, 25
 
@@ -188,6 +189,28 @@ def test_recordings_of_two_behaviors_are_not_merged(
     assert command(tmp_path / "merged", "--merge", str(recording), str(other)) == 2
     assert "holds demonstrations of 'ball_seeking', not of 'approaching'" in capsys.readouterr().err
     assert not (tmp_path / "merged").exists()
+
+
+@pytest.mark.parametrize("mode", ["--replay", "--merge"])
+def test_a_match_is_called_one_and_what_shows_it_is_said(
+    mode: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    match = ROOT / "tests" / "data" / "recorded_match"
+    assert command(tmp_path / "out", mode, str(match)) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "a match of fbql, not demonstrations; `replay RUN --watch` shows a match" in said
+
+
+def test_demonstrations_are_no_match_and_what_shows_them_is_said(
+    recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for change in ("--verify", "--set=weight_gain=0.5"):
+        assert replay([str(recording), change]) == 2
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1
+        assert f"demonstrations of {BEHAVIOR}, not a match" in said
+        assert f"demonstrate.py --replay {recording} drives them again" in said
 
 
 @pytest.mark.parametrize(

@@ -97,11 +97,28 @@ def test_a_directory_is_no_policy(tmp_path: Path) -> None:
         match("--policy", str(tmp_path))
 
 
-def test_a_tree_that_cannot_be_read_is_no_traceback(tmp_path: Path) -> None:
+def test_shipped_trees_take_the_place_of_missing_ones_and_it_is_said(tmp_path: Path) -> None:
     trees = shutil.copytree(shipped_trees(), tmp_path / "trees")
-    (Path(trees) / "approaching.json").unlink()
-    with pytest.raises(BadInput, match="no tree for behavior 'approaching'"):
-        match("--trees", str(trees))
+    (trees / "approaching.json").unlink()
+    (trees / "wall_avoiding.json").unlink()
+    found = match("--trees", str(trees), "--controller", "subsumption")
+    assert found.notes == (f"--trees {trees} has no tree for wall_avoiding, approaching: shipped trees play there",)
+    assert [path.parent for path in found.behaviors.values()] == [trees, shipped_trees(), shipped_trees()]
+    assert match("--trees", str(trees)).policy == shipped_policy(), "all three are the shipped ones"
+
+
+def test_a_directory_without_any_tree_is_refused(tmp_path: Path) -> None:
+    for place in (tmp_path, tmp_path / "absent"):
+        with pytest.raises(
+            BadInput, match=r"none of ball_seeking\.json, wall_avoiding\.json, approaching\.json is there"
+        ):
+            match("--trees", str(place))
+
+
+def test_a_behavior_without_a_tree_anywhere_is_refused(tmp_path: Path) -> None:
+    trees = shutil.copytree(shipped_trees(), tmp_path / "trees")
+    with pytest.raises(BadInput, match="no tree for behavior 'charging'"):
+        match("--trees", str(trees), "--set", "behaviors=ball_seeking,charging")
 
 
 @pytest.mark.parametrize("controller", ["fbql_value", "fbql_literal"])

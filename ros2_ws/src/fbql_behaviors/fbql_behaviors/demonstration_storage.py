@@ -24,6 +24,8 @@ from fbql_recording.mcap.reader import McapFile, Topic
 from fbql_behaviors.core.patterns import Demonstration
 
 BEHAVIOR_KEY = "behavior"
+CONTROLLER_KEY = "controller"
+"""In the recording of a match."""
 MAX_STEPS = 1_000_000
 """Steps that are read at most."""
 MOST = 1e6
@@ -50,13 +52,25 @@ def load_demonstrations(path: Path, behavior: str) -> list[Demonstration]:
     """
     found: list[Demonstration] = []
     for recording in load_recordings(path):
-        if recording.behavior != behavior:
-            held = recording.behavior or "no behavior"
-            raise BadInput(f"{recording.file}: holds demonstrations of '{held}', not of '{behavior}'")
+        check_behavior(recording, behavior)
         found += recording.demonstrations
     if not found:
         raise BadInput(f"{path}: the recordings hold no demonstration: no world state with its command")
     return found
+
+
+def check_behavior(recording: Recording, behavior: str) -> None:
+    """Raises BadInput, saying what the recording is instead, unless it holds demonstrations of this behavior."""
+    if recording.behavior and recording.behavior == behavior:
+        return
+    if recording.behavior:
+        raise BadInput(f"{recording.file}: holds demonstrations of '{recording.behavior}', not of '{behavior}'")
+    if controller := recording.about.get(CONTROLLER_KEY):
+        raise BadInput(
+            f"{recording.file}: a match of {controller}, not demonstrations; `replay RUN --watch` shows a match, "
+            "`demonstrate` records demonstrations"
+        )
+    raise BadInput(f"{recording.file}: no demonstrations of ours: it does not say of which behavior they are")
 
 
 def load_recordings(path: Path) -> Iterator[Recording]:

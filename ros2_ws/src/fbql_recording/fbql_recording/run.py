@@ -111,6 +111,12 @@ class Run:
         return self.config.get("parameters", {})
 
     @property
+    def about(self) -> dict[str, str]:
+        """What the recording says of itself: of a match its controller and seed, of demonstrations their behavior."""
+        records = [values for mcap in self._mcaps for name, values in mcap.metadata.values() if name == RUN_RECORD]
+        return dict(records[0]) if records else {}
+
+    @property
     def summary(self) -> dict[str, Any] | None:
         """summary.json of the run directory; None without one."""
         data = None if self.directory is None else read_inside(self.directory, "summary.json")

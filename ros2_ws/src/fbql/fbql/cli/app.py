@@ -49,7 +49,7 @@ COMMANDS = {
         "record demonstrations of a behavior, by its instructor or by keyboard", handles_signals=False
     ),
     "induce": Command("make a decision tree from demonstrations", handles_signals=False),
-    "tree": Command("explain, export, check or import a tree file", handles_signals=False),
+    "tree": Command("explain, export, check, change or import a tree file", handles_signals=False),
     "tune": Command("tune the leaves of a tree by Q-learning", handles_signals=False),
     "make_trees": Command("regenerate the shipped trees from their seeds", handles_signals=False),
     "replay": Command("replay a recording, verify it, or answer what-if questions"),

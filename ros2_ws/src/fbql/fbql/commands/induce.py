@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import isfinite
@@ -25,13 +26,14 @@ from fbql_common.core.field import WHEELS
 from fbql_common.core.parameters import types_of
 from fbql_common.core.text import as_lines
 from fbql_common.files import output_directory, write_atomically
+from fbql_fusion.core.controllers.parameters import SessionParameters
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, register_observations, unused_observations
 from fbql.cli.output import complain, print_result, say, warn, writing
 from fbql.cli.parser import Parser, add_json_option, add_parameter_options, output_path, without_effect
-from fbql.cli.places import new_path
+from fbql.cli.places import command_text, new_path
 from fbql.cli.words import counted
 from fbql.demonstrations.from_bags import BagData, bag_request, data_of_bags
 from fbql.demonstrations.make_tree import (
@@ -148,6 +150,9 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
         result["training_rmse"] = axis_rmse(made.tree, patterns)
     notes = _drops(task.bags.read) if task.bags else ()
     print_result(json.dumps(result) if arguments.json else _words(result, notes))
+    if not arguments.json:
+        for line in _next_steps(path, request.behavior, arguments.observation, task.bags is not None):
+            say(line)
     return DONE
 
 
@@ -237,6 +242,19 @@ def _page(task: _Task, made: InducedTree) -> str:
             notes=_drops(task.bags.read) if task.bags else (),
         )
     )
+
+
+def _next_steps(path: Path, behavior: str, observations: Sequence[str], of_bags: bool) -> list[str]:
+    """What to type next: read the tree, and let it play."""
+    own = [word for each in observations for word in ("--observation", each)]
+    steps = [(f"{command_text('tree')} explain {shlex.join([str(path), *own])}", "each of its rules in words")]
+    if of_bags:
+        node = f"ros2 run fbql_behaviors twist_behavior --ros-args -p tree_file:={shlex.quote(str(path))}"
+        steps.append((node, "play it on the robot: it publishes cmd_vel"))
+    elif behavior in SessionParameters().behaviors and path.name == f"{behavior}.json":
+        words = ["--trees", str(path.parent), "--controller", "subsumption", "--watch", "--goals", "3"]
+        steps.append((f"{command_text('bringup')} {shlex.join(words)}", "watch it play in the team"))
+    return ["Next:", *(line for command, meaning in steps for line in (f"  {command}", f"      {meaning}"))]
 
 
 def _drops(read: BagPatterns) -> list[str]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
+from fbql_behaviors.demonstration_storage import BEHAVIOR_KEY
 from fbql_common.core.errors import BadInput
 from fbql_common.terminal.screen import require_terminal
 from fbql_fusion.controller_loading import is_file
 from fbql_fusion.core.tasks.soccer.subsumption import PRESETS
-from fbql_recording.run import open_run
+from fbql_recording.run import Run, open_run
 
 from fbql.cli.controllers import add_controller_option
 from fbql.cli.exit_codes import DONE, INCOMPLETE
@@ -18,6 +20,7 @@ from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option
 from fbql.cli.output import complain, warn
 from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path, without_effect
+from fbql.cli.places import command_text
 from fbql.watch.option import add_watch_option
 
 _ON_ROS = {
@@ -43,6 +46,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
         if getattr(arguments, name) is None:
             setattr(arguments, name, usual)
     run = open_run(arguments.run, skip_corrupt=arguments.skip_corrupt)
+    _say_if_demonstrations(run, arguments)
     known = run.warnings
     warn(known)
     code = _command(arguments)(run, arguments, interrupts)
@@ -104,6 +108,17 @@ def parser(program: str) -> Parser:
     other.add_argument("--csv", type=output_path, metavar="FILE", help="write every step as a table (CSV)")
     other.add_argument("--figure", type=output_path, metavar="FILE", help="draw weights and commands, as SVG")
     return command
+
+
+def _say_if_demonstrations(run: Run, arguments: argparse.Namespace) -> None:
+    """Says what shows demonstrations, which are published like a match. Raises BadInput where only a match will do."""
+    behavior = run.about.get(BEHAVIOR_KEY)
+    if not behavior:
+        return
+    command = f"{command_text('demonstrate')} --replay {shlex.quote(str(arguments.run))}"
+    if arguments.verify or _is_what_if(arguments):
+        raise BadInput(f"{run.path}: demonstrations of {behavior}, not a match; {command} drives them again")
+    complain(f"{run.path}: demonstrations of {behavior}, not a match; {command} shows them")
 
 
 def _is_what_if(arguments: argparse.Namespace) -> bool:

@@ -1,4 +1,4 @@
-"""Tree files: explained in words, exported, checked, and made from scikit-learn trees."""
+"""Tree files: explained in words, exported, checked, changed in a leaf, and made from scikit-learn trees."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from typing import Any
 from fbql_behaviors.core.c_source import to_c
 from fbql_behaviors.core.explanation import describe_tree, rules
 from fbql_behaviors.core.observation import observation_of
-from fbql_behaviors.core.tree import Leaf, Tree
+from fbql_behaviors.core.tree import Leaf, Tree, changed_leaf
 from fbql_behaviors.drawing.dot import to_dot
 from fbql_behaviors.drawing.partition import partition_svg
 from fbql_behaviors.sklearn_trees import from_arrays
 from fbql_behaviors.storage import MAX_BYTES, json_from_bytes, load_tree, save_tree, tree_to_bytes
 from fbql_common.core.errors import BadInput
-from fbql_common.core.text import one_line
-from fbql_common.files import read_file, write_atomically
+from fbql_common.core.text import as_lines, one_line
+from fbql_common.files import output_directory, read_file, write_atomically
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
@@ -38,14 +38,18 @@ FORMATS: Mapping[str, Callable[[Tree], str]] = {
 _SIGNED = re.compile(r"-[\d.]")
 
 
+_NUMBERS = ("--at", "--command")
+"""The options whose value may begin with a minus."""
+
+
 class _TreeParser(Parser):
     """Takes `--at -5,3` as `--at=-5,3`: argparse mistakes a word that begins with a minus for an option."""
 
     def parse_args(self, args: Sequence[str], namespace: None = None) -> argparse.Namespace:  # type: ignore[override]
         words: list[str] = []
         for word in args:
-            if words and words[-1] == "--at" and _SIGNED.match(word):
-                words[-1] = f"--at={word}"
+            if words and words[-1] in _NUMBERS and _SIGNED.match(word):
+                words[-1] += f"={word}"
             else:
                 words.append(word)
         return super().parse_args(words, namespace)
@@ -95,24 +99,50 @@ def _leaf(tree: Tree, leaf_id: int) -> dict[str, Any]:
 
 def _observation(text: str, tree: Tree) -> tuple[float, ...]:
     """The observation of --at, clamped to the root region; angles are given in degrees."""
-    words = text.split(",")
-    if len(words) != len(tree.features):
-        names = ",".join(feature.name for feature in tree.features)
-        raise BadInput(f"--at {text}: {len(words)} values; this tree senses {names}")
-    values: list[float] = []
-    for word, feature in zip(words, tree.features, strict=True):
-        try:
-            value = float(word)
-        except ValueError:
-            raise BadInput(f"--at {text}: '{word}' is not a number") from None
-        if not isfinite(value):
-            raise BadInput(f"--at {text}: {feature.name} is {word}; it must be finite")
-        values.append(radians(value) if feature.unit == "rad" else value)
+    given = _numbers(f"--at {text}", text, [feature.name for feature in tree.features], "senses")
+    values = [
+        radians(value) if feature.unit == "rad" else value for value, feature in zip(given, tree.features, strict=True)
+    ]
     inside = tree.clamp(values)
     for given, taken, feature in zip(values, inside, tree.features, strict=True):
         if given != taken:
             complain(f"--at {text}: {feature.name} lies outside the tree's range and is clamped")
     return inside
+
+
+def _numbers(where: str, text: str, names: Sequence[str], does: str) -> list[float]:
+    """The numbers in a text, one for each of these names. Raises BadInput."""
+    words = text.split(",")
+    if len(words) != len(names):
+        raise BadInput(f"{where}: {len(words)} values; this tree {does} {','.join(names)}")
+    values: list[float] = []
+    for word, name in zip(words, names, strict=True):
+        try:
+            value = float(word)
+        except ValueError:
+            raise BadInput(f"{where}: '{word}' is not a number") from None
+        if not isfinite(value):
+            raise BadInput(f"{where}: {name} is {word}; it must be finite")
+        values.append(value)
+    return values
+
+
+def _change(arguments: argparse.Namespace) -> int:
+    tree = _load(arguments)
+    k = arguments.leaf
+    if not 0 <= k < tree.leaf_count:
+        raise BadInput(f"--leaf {k}: the tree has the leaves 0 to {tree.leaf_count - 1}")
+    names = [axis.name for axis in tree.commands.axes]
+    command = tuple(_numbers(f"--command {arguments.command}", arguments.command, names, "commands"))
+    try:
+        new = changed_leaf(tree, k, command)
+    except BadInput as error:
+        raise BadInput(f"--command {arguments.command}: {error}") from None
+    with writing(arguments.out), output_directory(arguments.out.parent):
+        save_tree(arguments.out, new)
+    lines = (f"leaf {k} was:  {rules(tree)[k].sentence}", f"leaf {k} is:   {rules(new)[k].sentence}")
+    print_result(as_lines((*lines, f"tree {arguments.out}")))
+    return DONE
 
 
 def _check(arguments: argparse.Namespace) -> int:
@@ -165,7 +195,7 @@ def _summary(tree: Tree) -> str:
 
 def parser(program: str) -> Parser:
     """The command line."""
-    result = _TreeParser(prog=program, description="Explains, exports, checks and imports tree files.")
+    result = _TreeParser(prog=program, description="Explains, exports, checks, changes and imports tree files.")
     commands = result.add_subparsers(required=True, metavar="COMMAND", parser_class=Parser)
 
     def command(name: str, run: Callable[[argparse.Namespace], int], text: str, file: str) -> argparse.ArgumentParser:
@@ -187,6 +217,15 @@ def parser(program: str) -> Parser:
     export.add_argument("--out", type=output_path, metavar="F", help="file to write (stdout)")
     check = command("check", _check, "check whether a tree file is sound, and describe it", "tree file")
     check.add_argument("--json", action="store_true", help="print one JSON object")
+    change = command("change", _change, "write a tree in which one leaf has another command", "tree file")
+    change.add_argument("--leaf", type=int, required=True, metavar="N", help="leaf_id, as explain shows it")
+    change.add_argument(
+        "--command",
+        required=True,
+        metavar="A,B",
+        help="what it commands instead: left,right [rad/s], or a value per axis",
+    )
+    change.add_argument("--out", type=output_path, required=True, metavar="F", help="tree file to write")
     imports = command(
         "import", _import, "make a tree file from the arrays of a scikit-learn tree", "JSON file with the arrays"
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fbql_behaviors.core.patterns import Demonstration
-from fbql_behaviors.demonstration_storage import Recording, load_recordings
+from fbql_behaviors.demonstration_storage import Recording, check_behavior, load_recordings
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping
 from fbql_sim.core.parameters import SimulationParameters
@@ -68,9 +68,7 @@ def recordings_of(paths: Sequence[Path], behavior: str | None = None) -> list[Re
     found = [recording for path in paths for recording in load_recordings(path)]
     wanted = behavior or found[0].behavior
     for recording in found:
-        if not recording.behavior or recording.behavior != wanted:
-            held = recording.behavior or "no behavior"
-            raise BadInput(f"{recording.file}: holds demonstrations of '{held}', not of '{wanted or 'any behavior'}'")
+        check_behavior(recording, wanted)
         if not recording.demonstrations:
             raise BadInput(f"{recording.file}: holds no demonstration: no world state with a command")
     return found

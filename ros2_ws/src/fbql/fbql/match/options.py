@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import shlex
-from collections.abc import Collection, Generator, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -97,7 +97,10 @@ def match_parser(program: str, description: str) -> Parser:
         "unless its behaviors or trees differ or it has guided episodes; the other controllers start untrained",
     )
     play.add_argument(
-        "--trees", type=Path, metavar="DIR", help="directory with NAME.json of each behavior (the shipped trees)"
+        "--trees",
+        type=Path,
+        metavar="DIR",
+        help="directory with NAME.json of each behavior; shipped trees take the place of missing ones (the shipped trees)",
     )
     add_observation_option(play)
     play.add_argument(
@@ -156,7 +159,7 @@ def match_from(arguments: argparse.Namespace, has_policy: bool = False) -> Match
         simulated = from_mapping(SimulationParameters, simulation, "simulation")
     for name in RESERVED_NAMES & set(fusion.behaviors):
         raise BadInput(f"--set behaviors has '{name}', which is the name of another node")
-    behaviors = {name: _tree_file(name, arguments.trees) for name in fusion.behaviors}
+    behaviors = _tree_files(fusion.behaviors, arguments.trees)
     observations = register_observations(arguments.observation)
     fits = _are_shipped(behaviors)
     shipped = fusion.controller == "fbql" and fusion.guided <= 0 and fits
@@ -167,6 +170,7 @@ def match_from(arguments: argparse.Namespace, has_policy: bool = False) -> Match
     if arguments.policy == "none" and not learns(fusion):
         notes.append(f"--policy none has no effect: {fusion.controller} takes no policy")
     notes += unused_observations(observations, _behaviors_of_trees(behaviors))
+    notes += _notes_on_trees(behaviors, arguments.trees)
     return Match(
         fusion=fusion,
         simulation=simulated,
@@ -285,11 +289,31 @@ def parse_value(text: str, kind: Any, name: str) -> Any:
         raise BadInput(f"--set {name}: '{text}' is not a {expected}") from None
 
 
+def _tree_files(behaviors: Sequence[str], directory: Path | None) -> dict[str, Path]:
+    """The tree file of each behavior: that of the directory or, where it has none, the shipped one. Raises BadInput."""
+    if directory is not None and len(_lacking(behaviors, directory)) == len(behaviors):
+        names = ", ".join(f"{name}.json" for name in behaviors)
+        raise BadInput(f"--trees {directory}: none of {names} is there; induce --out DIR/BEHAVIOR.json makes one")
+    return {name: _tree_file(name, directory) for name in behaviors}
+
+
 def _tree_file(name: str, directory: Path | None) -> Path:
-    path = (directory or shipped_trees()) / f"{name}.json"
-    if not path.is_file():
-        raise BadInput(f"no tree for behavior '{name}': {path}: no such file")
-    return path.resolve()
+    places = [shipped_trees()] if directory is None else [directory, shipped_trees()]
+    found = [path for place in places if (path := place / f"{name}.json").is_file()]
+    if not found:
+        raise BadInput(f"no tree for behavior '{name}': {places[0] / f'{name}.json'}: no such file")
+    return found[0].resolve()
+
+
+def _lacking(behaviors: Iterable[str], directory: Path) -> list[str]:
+    """The behaviors without a tree in a directory."""
+    return [name for name in behaviors if not (directory / f"{name}.json").is_file()]
+
+
+def _notes_on_trees(behaviors: Iterable[str], directory: Path | None) -> Iterator[str]:
+    """A line about the shipped trees that play in the place of missing ones."""
+    if directory is not None and (names := _lacking(behaviors, directory)):
+        yield f"--trees {directory} has no tree for {', '.join(names)}: shipped trees play there"
 
 
 def _policy(given: str | None, shipped: bool) -> Path | None:

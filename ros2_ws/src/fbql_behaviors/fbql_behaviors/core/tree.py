@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import nextafter
 from typing import Any, NamedTuple
 
@@ -28,6 +28,8 @@ MAX_FEATURE = 1e12
 """Largest bound of a feature or command: what is computed with it stays finite."""
 MAX_AXES = 6
 MAX_LEVELS = 1001
+CHANGED = "changed"
+"""The method in the origin of a tree whose leaves were changed one by one."""
 
 
 class Split(NamedTuple):
@@ -230,6 +232,21 @@ def check_features(features: tuple[Feature, ...]) -> None:
 def make_leaf(space: CommandSpace, command: Command, patterns: int) -> AnyLeaf:
     """The leaf of a command, of the kind that its command space needs."""
     return Leaf(command[0], command[1], patterns) if space == WHEELS else CommandLeaf(command, patterns)
+
+
+def changed_leaf(tree: Tree, leaf_id: int, command: Command) -> Tree:
+    """The tree with another command in one leaf; its origin names the tree that it was before the first such change.
+
+    Raises BadInput for a command out of range.
+    """
+    leaves = list(tree.leaves)
+    leaves[leaf_id] = make_leaf(tree.commands, command, leaves[leaf_id].patterns)
+    before: Mapping[str, Any] = {"method": CHANGED, "changed_from": tree.hash, "changed_from_origin": dict(tree.origin)}
+    if tree.origin.get("method") == CHANGED:
+        before = tree.origin
+    earlier: Any = before.get("changed_leaves")
+    origin = {**before, "changed_leaves": [*(earlier if isinstance(earlier, list) else ()), leaf_id]}
+    return replace(tree, leaves=tuple(leaves), origin=origin)
 
 
 def check_space(space: CommandSpace) -> None:
