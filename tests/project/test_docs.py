@@ -33,7 +33,14 @@ from places import ROOT
 SOURCE = ROOT / "ros2_ws" / "src"
 DOCUMENTS = {
     str(path.relative_to(ROOT)): path
-    for pattern in ("*.md", "docs/*.md", "docs/results/*.md", "examples/*/README.md", "ros2_ws/src/*/README.md")
+    for pattern in (
+        "*.md",
+        "docs/*.md",
+        "docs/course/*.md",
+        "docs/results/*.md",
+        "examples/*/README.md",
+        "ros2_ws/src/*/README.md",
+    )
     for path in sorted(ROOT.glob(pattern))
 }
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")

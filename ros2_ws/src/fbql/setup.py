@@ -10,6 +10,7 @@ COMMANDS = (
     "demonstrate",
     "experiment",
     "induce",
+    "lesson",
     "make_trees",
     "recover",
     "replay",

@@ -127,6 +127,7 @@ COMMANDS: dict[str, Callable[[list[str]], list[str]]] = {
         *([] if {"--keyboard"} & set(words) else ["--steps", "20", "--demonstrations", "2"]),
     ],
     "induce": lambda words: [*words, "--trials", "2", "--patterns", "50"],
+    "lesson": list,
     "recover": list,
     "replay": lambda words: [*words, *([] if any(word.startswith("--set") for word in words) else ["--verify"])],
     "report": list,

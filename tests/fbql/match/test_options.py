@@ -10,7 +10,14 @@ from pathlib import Path
 
 import pytest
 from fbql.match.in_process import parts_of
-from fbql.match.options import Match, controller_options, match_from, match_parser, same_options
+from fbql.match.options import (
+    Match,
+    controller_options,
+    make_run_directory,
+    match_from,
+    match_parser,
+    same_options,
+)
 from fbql.match.result import next_steps
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree, save_tree
@@ -103,7 +110,7 @@ def test_shipped_trees_take_the_place_of_missing_ones_and_it_is_said(tmp_path: P
     (trees / "wall_avoiding.json").unlink()
     found = match("--trees", str(trees), "--controller", "subsumption")
     assert found.notes == (f"--trees {trees} has no tree for wall_avoiding, approaching: shipped trees play there",)
-    assert [path.parent for path in found.behaviors.values()] == [trees, shipped_trees(), shipped_trees()]
+    assert [path.parent for path in found.behaviors.values()] == [trees, *[shipped_trees().resolve()] * 2]
     assert match("--trees", str(trees)).policy == shipped_policy(), "all three are the shipped ones"
 
 
@@ -113,6 +120,15 @@ def test_a_directory_without_any_tree_is_refused(tmp_path: Path) -> None:
             BadInput, match=r"none of ball_seeking\.json, wall_avoiding\.json, approaching\.json is there"
         ):
             match("--trees", str(place))
+
+
+def test_the_parents_of_a_run_are_made_below_runs_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fbql.match.options.RUNS", tmp_path / "runs")
+    run = tmp_path / "runs" / "course" / "goals"
+    assert make_run_directory(match("--out", str(run))).out == run
+    assert (run / "log").is_dir()
+    with pytest.raises(BadInput, match="there is no directory"):
+        make_run_directory(match("--out", str(tmp_path / "elsewhere" / "goals")))
 
 
 def test_a_behavior_without_a_tree_anywhere_is_refused(tmp_path: Path) -> None:

@@ -56,6 +56,7 @@ COMMANDS = {
     "recover": Command("repair a damaged recording"),
     "report": Command("write a page that explains a recording step by step"),
     "compare": Command("compare recordings side by side"),
+    "lesson": Command("show a lesson of the course, or check an answer", handles_signals=False),
 }
 
 

@@ -397,17 +397,17 @@ def set_text(value: object) -> str:
 
 
 def make_run_directory(match: Match) -> Match:
-    """Creates the run directory, and the checkout's runs/ if it goes there. Returns the match with that directory.
+    """Creates the run directory and, below the checkout's runs/, its parents. Returns the match with that directory.
 
     Raises:
         BadInput: it exists, or can't be made.
     """
     path = match.out
-    if path.parent == RUNS:
+    if RUNS in path.parents:
         try:
-            RUNS.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise BadInput(f"{RUNS}: can't be created ({error.strerror}); {remedy(error)} with --out") from None
+            raise BadInput(f"{path.parent}: can't be created ({error.strerror}); {remedy(error)} with --out") from None
     if match.out_named:
         create_run_directory(path)
         return match

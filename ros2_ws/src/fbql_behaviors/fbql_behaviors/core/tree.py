@@ -241,11 +241,13 @@ def changed_leaf(tree: Tree, leaf_id: int, command: Command) -> Tree:
     """
     leaves = list(tree.leaves)
     leaves[leaf_id] = make_leaf(tree.commands, command, leaves[leaf_id].patterns)
-    before: Mapping[str, Any] = {"method": CHANGED, "changed_from": tree.hash, "changed_from_origin": dict(tree.origin)}
+    origin: dict[str, Any] = {"changed_from": tree.hash, "changed_from_origin": dict(tree.origin)}
+    numbers: list[Any] = []
     if tree.origin.get("method") == CHANGED:
-        before = tree.origin
-    earlier: Any = before.get("changed_leaves")
-    origin = {**before, "changed_leaves": [*(earlier if isinstance(earlier, list) else ()), leaf_id]}
+        origin = dict(tree.origin)
+        earlier: Any = origin.get("changed_leaves")
+        numbers = list(earlier) if isinstance(earlier, list) else []  # pyright: ignore[reportUnknownArgumentType]
+    origin |= {"method": CHANGED, "changed_leaves": [*numbers, leaf_id]}
     return replace(tree, leaves=tuple(leaves), origin=origin)
 
 
