@@ -90,6 +90,7 @@ def test_a_match_has_the_same_digest_installed_by_its_door_and_by_ros2_run(fbql:
         ("tree explain TREE", "leaves"),
         ("induce approaching --trials 2 --json", "leaves"),
         ("experiment paper --help", "--seeds"),
+        ("lesson --help", "--check"),
     ],
 )
 def test_a_command_that_needs_no_ros_works_without_it(fbql: Fbql, tmp_path: Path, words: str, shown: str) -> None:
@@ -119,6 +120,7 @@ def test_demonstrations_are_recorded_and_learned_from_without_ros(fbql: Fbql, tm
         ("bringup", "this needs ROS 2 Jazzy"),
         ("replay RUN", "this needs ROS 2 Jazzy"),
         ("report RUN --figures", "pip install '.[studies]'"),
+        ("lesson 1", "docs/course of a clone"),
     ],
 )
 def test_a_command_says_in_one_line_what_is_not_installed(fbql: Fbql, tmp_path: Path, words: str, needed: str) -> None:
