@@ -1,5 +1,6 @@
 """Name, version and the rest are read from package.xml, which is their one place."""
 
+from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
@@ -37,6 +38,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
+        (f"share/{name}/launch", sorted(map(str, Path("launch").glob("*.py")))),
     ],
     install_requires=["setuptools", "numpy", "PyYAML"],
     extras_require={"figures": ["matplotlib"], "foxglove": ["foxglove-sdk"], "test": ["pytest"]},

@@ -21,6 +21,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{name}"]),
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
+        (f"share/{name}/launch", sorted(map(str, Path("launch").glob("*.py")))),
         (f"share/{name}/trees", sorted(map(str, Path(name, "trees").glob("*.json")))),
     ],
     install_requires=["setuptools", "mcap", "numpy", "zstandard"],

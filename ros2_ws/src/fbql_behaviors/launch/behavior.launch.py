@@ -1,0 +1,30 @@
+"""A behavior: `ros2 launch fbql_behaviors behavior.launch.py name:=ball_seeking`, or one of your own, with its tree_file."""
+
+from __future__ import annotations
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition, UnlessCondition
+from launch.substitutions import EqualsSubstitution, LaunchConfiguration
+from launch_ros.actions import Node
+
+
+def generate_launch_description() -> LaunchDescription:
+    """The node, which plays a tree file, or the tree that ships under the behavior's name."""
+    name, tree_file = LaunchConfiguration("name"), LaunchConfiguration("tree_file")
+    ships = EqualsSubstitution(tree_file, "")
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("name", description="name of the behavior, and of its node"),
+            DeclareLaunchArgument("tree_file", default_value="", description="its tree; empty: the one that ships"),
+            Node(package="fbql_behaviors", executable=name, output="screen", condition=IfCondition(ships)),
+            Node(
+                package="fbql_behaviors",
+                executable="behavior",
+                name=name,
+                output="screen",
+                parameters=[{"name": name, "tree_file": tree_file}],
+                condition=UnlessCondition(ships),
+            ),
+        ]
+    )
