@@ -44,6 +44,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.topic_names import WHEEL_COMMAND
 from fbql_common.wire import decode_command
 from fbql_fusion.core.soccer_session import SoccerSession
+from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_msgs.msg import WheelCommand
 from fbql_recording.recovery.recover import recover
 from fbql_recording.run import open_run
@@ -59,6 +60,8 @@ TARGETS = {"many": (LAUNCHER, *NODES), "one": (LAUNCHER, "all nodes")}
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGKILL", "SIGSTOP")
 CONTROLLERS = ("subsumption", "uniform", "fbql_literal", "fbql_value", "fbql")
 PHASES = ("start", "play")
+FLUSH_PERIOD_S = FusionNodeParameters.flush_period_s
+"""What a crash may lose [s]."""
 LONGEST_WAIT_S = 4.0
 """The signal comes up to this long after the start, or after the first command [s]."""
 HANG_S, GONE_S, START_S = 60.0, 5.0, 60.0
@@ -246,23 +249,27 @@ def _recording(out: Path, heard: Sequence[tuple[float, tuple[int, int]]], sent_s
     whole = (out / "metadata.yaml").exists() and summary.exists() and not json.loads(summary.read_text())["incomplete"]
     state = "finished"
     if not whole:
-        if not any(path.stat().st_size for path in out.glob("*.mcap*")):
-            return {"recording": "empty", "faults": []}
-        state, out = "recovered", recover(out, out.with_name("recovered")).path
+        try:
+            state, out = "recovered", recover(out, out.with_name("recovered")).path
+        except BadInput as error:  # such as: nothing was flushed yet
+            return {"recording": "empty", "why": str(error), **_loss(heard, sent_s, (-1, -1))}
     run = open_run(out)
     steps = [(step.episode, step.step) for step in run.steps() if step.command is not None]
-    last = steps[-1] if steps else (-1, -1)
-    lost = [came_s for came_s, step in heard if step > last and came_s <= sent_s]
-    lost_s = sent_s - min(lost, default=sent_s)
+    loss = _loss(heard, sent_s, steps[-1] if steps else (-1, -1))
     parameters, _ = recorded_parameters(run)
     behaviors = RecordedBehaviors(run, recorded_trees(run), {})
     verified = verify(run, SoccerSession(parameters, recorded_policy(run)), behaviors, lambda _: None)
-    faults: list[str] = []
     if verified.difference is not None:
-        faults.append(f"it differs: {verified.difference.words}")
-    if lost_s > run.parameters["fusion"]["flush_period_s"] + LATE_S:
-        faults.append(f"{lost_s:.3f} s are lost")
-    return {"recording": state, "steps": verified.steps, "lost_s": round(lost_s, 3), "faults": faults}
+        loss["faults"].append(f"it differs: {verified.difference.words}")
+    return {"recording": state, "steps": verified.steps, **loss}
+
+
+def _loss(heard: Sequence[tuple[float, tuple[int, int]]], sent_s: float, last: tuple[int, int]) -> dict[str, Any]:
+    """How much of what was heard before the signal comes after the last recorded step."""
+    lost = [came_s for came_s, step in heard if step > last and came_s <= sent_s]
+    lost_s = sent_s - min(lost, default=sent_s)
+    faults = [f"{lost_s:.3f} s are lost"] if lost_s > FLUSH_PERIOD_S + LATE_S else []
+    return {"lost_s": round(lost_s, 3), "faults": faults}
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
