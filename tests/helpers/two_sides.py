@@ -28,7 +28,7 @@ def parameters(learner: str = "fbql", **changes: object) -> FusionParameters:
 
     Args:
         learner: `fbql` or `fbql_value`.
-        changes: parameters; `own_` stands for the learner's name, so that `own_hold_steps` is a parameter of each.
+        changes: parameters; `own_` stands for the learner's name, so that `own_hold_s` is a parameter of each.
     """
     values: dict[str, object] = {
         "controller": learner,
@@ -36,8 +36,8 @@ def parameters(learner: str = "fbql", **changes: object) -> FusionParameters:
         "layers": list(BEHAVIORS),
         "guided": 0,
         "fbql_mirror": False,
-        "own_hold_steps": 3,
-        "own_play_steps": 3,
+        "own_hold_s": 3 / 60,
+        "own_play_s": 3 / 60,
     }
     given = {re.sub(r"^own_", f"{learner}_", name): value for name, value in (values | changes).items()}
     return FusionParameters(**given)  # pyright: ignore[reportArgumentType]

@@ -160,7 +160,7 @@ def test_a_parameter_that_the_shipped_policy_does_not_fit_names_it_and_the_way_o
         ("nonsense=1", "no parameter 'nonsense'; docs/parameters.md has the names"),
         ("fbql_rate", "write NAME=VALUE; docs/parameters.md"),
         ("=3", "write NAME=VALUE; docs/parameters.md"),
-        ("fbql_hold_steps=1.5", "'1.5' is not a whole number"),
+        ("fbql_passes=1.5", "'1.5' is not a whole number"),
         ("fbql_rate=much", "'much' is not a number"),
     ],
 )

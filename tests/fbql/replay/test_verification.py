@@ -312,6 +312,19 @@ def test_another_version_is_named_beside_a_difference(recorded, tmp_path, capsys
     assert any(note.startswith("recorded with revision abc, here is ") for note in found["notes"])
 
 
+def test_durations_in_steps_of_an_older_recording_are_understood(tmp_path, capsys):
+    run = record_match(tmp_path / "run", max_steps=60, controller="fbql", guided=0, episodes=2, fbql_hold_s=0.15)
+    copy = rewrite(run, tmp_path / "older", lambda message: message.data, leave_out=("config.yaml",))
+    config = yaml.safe_load((copy / "config.yaml").read_text())
+    parameters = config["parameters"]["fusion"]
+    assert round(parameters.pop("fbql_hold_s") * 60) == 9
+    for changed, code in ((9, 0), (4, 1)):
+        (copy / "config.yaml").write_text(
+            yaml.safe_dump({**config, "parameters": {"fusion": {**parameters, "fbql_hold_steps": changed}}})
+        )
+        assert verify(copy, capsys)[0] == code
+
+
 # After a gap
 
 

@@ -1,12 +1,13 @@
 """The assembly of a step: nothing is decided twice, too early, out of order, or with what does not belong to it."""
 
 from fbql_common.core.types import BehaviorOutput, World
-from fbql_fusion.core.assembly import MAX_GAP_STEPS, Arrival, StepAssembly
+from fbql_fusion.core.assembly import MAX_GAP_S, Arrival, StepAssembly
 from hypothesis import given
 from hypothesis import strategies as st
 
 NAMES = ("a", "b", "c")
-DT_NS = 10
+DT_NS = 20_000_000
+MAX_GAP_STEPS = round(MAX_GAP_S * 1e9) // DT_NS
 
 
 def world_of(step, episode=0, stamp_ns=None, **fields):

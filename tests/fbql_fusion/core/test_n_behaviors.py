@@ -77,7 +77,7 @@ def test_fbql_remembers_what_was_visited_and_not_the_product_of_n_trees(n: int) 
     policy = session.policy()
     assert policy is not None
     active = policy.arrays["waiting_active"].shape[1]
-    held = session.parameters.fbql_hold_steps
+    held = round(session.parameters.fbql_hold_s * 60)
     visited = len(decisions) // held + 2 * len(session.records)
     assert active <= len(policy.arrays["keys"]) <= visited * active
     assert np.abs(policy.arrays["theta"]).max() > 0.0 or n == 1

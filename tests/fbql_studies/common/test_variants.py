@@ -36,7 +36,7 @@ def test_every_variant_changes_a_parameter_and_each_is_tried_once(study: ModuleT
     assert len({str(sorted(changes.items())) for changes in (*trained.values(), *played.values())}) == len(
         trained
     ) + len(played)
-    assert all(name in ("fbql_play", "fbql_patience", "fbql_play_steps") for each in played.values() for name in each)
+    assert all(name in ("fbql_play", "fbql_patience", "fbql_play_s") for each in played.values() for name in each)
 
 
 @pytest.mark.parametrize("changes", CHANGES.values(), ids=CHANGES)

@@ -240,7 +240,7 @@ def test_more_features_than_a_table_has_rows_make_it_longer(learner: str) -> Non
     """Ten tiles along each component and random situations: every one of them is new."""
     session = SoccerSession(
         parameters(
-            learner, own_hold_steps=1, own_passes=1, fbql_pair_tilings=32, fbql_pair_tiles=64,
+            learner, own_hold_s=1 / 60, own_passes=1, fbql_pair_tilings=32, fbql_pair_tiles=64,
             fbql_joint_tilings=32, fbql_joint_tiles=64,
         )
     )  # fmt: skip
@@ -257,8 +257,8 @@ def test_more_features_than_a_table_has_rows_make_it_longer(learner: str) -> Non
 @EACH
 def test_a_decision_is_held_for_its_steps_and_one_behavior_drives_alone(learner: str) -> None:
     for session in (
-        SoccerSession(parameters(learner, seed=1, own_hold_steps=7)),
-        frozen(trained(learner), own_play_steps=7, own_play="drawn", own_patience=2),
+        SoccerSession(parameters(learner, seed=1, own_hold_s=7 / 60)),
+        frozen(trained(learner), own_play_s=7 / 60, own_play="drawn", own_patience=2),
     ):
         drivers: list[int] = []
         for _ in range(5):
@@ -288,7 +288,7 @@ def test_held_is_whose_weight_is_the_largest_and_blended_are_all_of_them(learner
 @EACH
 def test_a_decision_tells_the_learned_weights_by_which_its_driver_was_chosen(learner: str) -> None:
     policy = trained(learner)
-    held = play(frozen(policy, own_play="held", own_play_steps=1, own_patience=0), 8)
+    held = play(frozen(policy, own_play="held", own_play_s=1 / 60, own_patience=0), 8)
     blended = play(frozen(policy, own_play="blended", own_patience=0), 8)
     assert len(held) > 20
     assert len(blended) > 20
@@ -304,7 +304,7 @@ def test_drawn_is_by_the_weights() -> None:
     policy = trained()
     ((_, weights), *_) = stay(frozen(policy, fbql_play="blended"), 1)
     drivers = Counter(
-        driver for driver, _ in stay(frozen(policy, fbql_play="drawn", fbql_play_steps=1, fbql_patience=0), 4000)
+        driver for driver, _ in stay(frozen(policy, fbql_play="drawn", fbql_play_s=1 / 60, fbql_patience=0), 4000)
     )
     assert 0.1 < weights[UP] < 0.9
     assert drivers[UP] / 4000 == pytest.approx(weights[UP], abs=0.03)
@@ -314,7 +314,7 @@ def test_the_longer_a_deadlock_lasts_the_more_alike_are_the_weights_that_are_dra
     policy = trained()
     policy = policy._replace(arrays={**policy.arrays, "theta": 40.0 * policy.arrays["theta"]})
     ((_, weights), *_) = stay(frozen(policy, fbql_play="blended"), 1)
-    drivers = [driver for driver, _ in stay(frozen(policy, fbql_play_steps=1, fbql_patience=1), 4000)]
+    drivers = [driver for driver, _ in stay(frozen(policy, fbql_play_s=1 / 60, fbql_patience=1), 4000)]
     assert min(weights) < 0.05
     assert drivers[1000:].count(UP) / 3000 == pytest.approx(0.5, abs=0.03)
 
@@ -322,7 +322,7 @@ def test_the_longer_a_deadlock_lasts_the_more_alike_are_the_weights_that_are_dra
 @EACH
 @pytest.mark.parametrize("patience", [1, 4])
 def test_who_decides_the_same_joint_state_too_often_begins_to_draw_there(learner: str, patience: int) -> None:
-    session = frozen(trained(learner), own_patience=patience, own_play_steps=2)
+    session = frozen(trained(learner), own_patience=patience, own_play_s=2 / 60)
     for _ in range(2):
         drivers = [driver for driver, _ in stay(session, 400)]
         assert len({*drivers[: 2 * patience]}) == 1
@@ -331,14 +331,14 @@ def test_who_decides_the_same_joint_state_too_often_begins_to_draw_there(learner
 
 def test_patience_counts_each_joint_state_by_itself_and_0_is_without_end() -> None:
     policy = trained()
-    moving = stay(frozen(policy, fbql_patience=25, fbql_play_steps=1), 400, lambda step: (step % 4, step // 4 % 4))
+    moving = stay(frozen(policy, fbql_patience=25, fbql_play_s=1 / 60), 400, lambda step: (step % 4, step // 4 % 4))
     assert len({(k % 16, driver) for k, (driver, _) in enumerate(moving)}) == 16
-    assert len({*stay(frozen(policy, fbql_patience=0, fbql_play_steps=1), 400)}) == 1
+    assert len({*stay(frozen(policy, fbql_patience=0, fbql_play_s=1 / 60), 400)}) == 1
 
 
 @EACH
 def test_an_untrained_learner_draws_every_behavior_alike(learner: str) -> None:
-    drivers = Counter(driver for driver, _ in stay(SoccerSession(parameters(learner, own_hold_steps=1)), 2000))
+    drivers = Counter(driver for driver, _ in stay(SoccerSession(parameters(learner, own_hold_s=1 / 60)), 2000))
     assert drivers[UP] == pytest.approx(1000, abs=100)
 
 
@@ -348,7 +348,7 @@ def test_an_untrained_learner_draws_every_behavior_alike(learner: str) -> None:
 @EACH
 def test_a_decisions_reward_and_discount_are_those_of_the_steps_it_was_held_for(learner: str) -> None:
     session = SoccerSession(
-        parameters(learner, seed=1, own_batch_episodes=1000, own_discount=0.5, own_hold_steps=3, reward_goal=8.0)
+        parameters(learner, seed=1, own_batch_episodes=1000, own_discount=0.5, own_hold_s=3 / 60, reward_goal=8.0)
     )
     play(session, 28)
     assert not len(arrays_of(session)["waiting_lengths"]), "a batch was just learned from"
@@ -369,8 +369,9 @@ def test_a_decisions_reward_and_discount_are_those_of_the_steps_it_was_held_for(
 def test_truncation_is_worth_what_its_state_is_and_termination_nothing(terminated: bool, last: float) -> None:
     """V is 1, 2 and 3 in the three situations, gamma^k 0.5, lambda 1: what comes is R + 0.5 (R' + 0.5 V'')."""
     trajectory = Trajectory(
-        False, [], [[0, 1], [1, 2], [2, 3]], [1, 0], [0.5, 0.25], [4.0, 6.0], [0.5, 0.5], terminated
-    )
+        False, [], [[0, 1], [1, 2], [2, 3]], [1, 0], [0.5, 0.25], [4.0, 6.0], [0.5, 0.5], terminated,
+        masks=[(True, True), (True, False), (False, True)],
+    )  # fmt: skip
     value = np.array([0.75, 0.25, 1.75, 1.25])
     batch = batch_of([trajectory, trajectory], value, 1.0, active_features=1)
     returns = [4.0 + 0.5 * (6.0 + 0.5 * last), 6.0 + 0.5 * last]
@@ -378,6 +379,7 @@ def test_truncation_is_worth_what_its_state_is_and_termination_nothing(terminate
     assert batch.advantages.tolist() == [returns[0] - 1.0, returns[1] - 2.0] * 2
     assert batch.critic_inputs.tolist() == [[0, 1], [1, 2]] * 2, "what only V sees comes after the active features"
     assert batch.active.tolist() == [[0], [1]] * 2
+    assert batch.masks.tolist() == [[True, True], [True, False]] * 2
     assert (batch.drivers.tolist(), batch.old_probs.tolist()) == ([1, 0] * 2, [0.5, 0.25] * 2)
 
 
@@ -392,7 +394,7 @@ def test_every_decision_is_in_one_minibatch_of_a_pass() -> None:
 def test_a_guided_decision_is_of_whom_the_guide_took_first(discount: float) -> None:
     trajectory = Trajectory(guided=True)
     for _ in range(2):
-        trajectory.begin_decision(((1, 2), ((), ())), None, 0, 0.7)  # pyright: ignore[reportArgumentType]
+        trajectory.begin_decision(((1, 2), ((), ())), None, (True, True, True), 0, 0.7)  # pyright: ignore[reportArgumentType]
         assert trajectory.add_step(2, 0.0, discount)
         assert trajectory.add_step(1, 0.0, discount)
     assert trajectory.drivers == [2, 2]
@@ -416,7 +418,7 @@ def test_guided_episodes_of_a_learner_that_knows_much_already_pull_towards_the_g
 
 def test_a_robot_that_stands_still_for_many_episodes_leaves_v_within_the_rewards() -> None:
     """A deadlock, the most frequent failure: all of its decisions have the same features."""
-    session = SoccerSession(parameters(seed=1, guided=3, fbql_hold_steps=1))
+    session = SoccerSession(parameters(seed=1, guided=3, fbql_hold_s=1 / 60))
     for episode in range(40):
         stay(session, 400, **(GOAL if episode % 5 == 4 else TIMEOUT))
     arrays = arrays_of(session)
@@ -609,7 +611,7 @@ def test_who_is_told_nothing_at_all_goes_on_drawing_alike(learner: str, told: in
 
 
 def test_drivers_change_only_when_a_decision_is_over_or_a_behavior_is_gone() -> None:
-    session = SoccerSession(parameters(seed=2, fbql_hold_steps=50))
+    session = SoccerSession(parameters(seed=2, fbql_hold_s=50 / 60))
 
     def gone_at_10(world: World, answers: Answers) -> Answers:
         return [None, answers[DOWN]] if world.step == 10 else answers

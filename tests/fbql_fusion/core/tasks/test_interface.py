@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from fbql_common.core.command_space import Axis, Command, CommandSpace
 from fbql_common.core.types import DRIVER_BLEND, Phase
+from fbql_fusion.core.controllers.interface import Selection
 from fbql_fusion.core.guides.layers import Layer, driver_of
 from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
 from fbql_fusion.core.registry import make_controller
@@ -53,10 +54,15 @@ class Line:
     """Reaching +1 is a success, -1 a failure."""
 
     space = TWIST
+    period_s = 1.0 / 60.0
+    observed_lengths = None
     critic_widths = ()
 
     def begin_episode(self) -> None:
         pass
+
+    def observed(self, tick: Tick, answers: Answers) -> tuple[tuple[float, ...], ...]:
+        return tuple([() if x is None else x.observation for x in answers])
 
     def reward(self, tick: Tick) -> float:
         return 10.0 * np.sign(tick.x_m) if tick.terminated else 0.0
@@ -156,7 +162,7 @@ def test_a_silent_source_never_drives_and_does_not_degrade_the_episode() -> None
 
 
 def test_a_decision_ends_when_its_source_falls_silent() -> None:
-    session = line_session(fbql_hold_steps=1000)
+    session = line_session(fbql_hold_s=1000 / 60)
     drivers: set[int] = set()
     for _ in range(20):
         number, _ = session.next_episode() or (0, 0)
@@ -182,6 +188,26 @@ def test_a_blend_leaves_a_silent_source_out_and_keeps_the_limits_of_the_axes() -
     assert command == (0.5, -0.1)
     assert decision.weights == (0.0, 1.0)
     assert session.phase is Phase.EVALUATION
+
+
+class AlwaysLeft:
+    """Names the left source as the driver, whether it may drive or not."""
+
+    def begin_episode(self, phase: Phase) -> None:
+        pass
+
+    def select(self, tick: Tick, joint_state: tuple[int, ...], answers: Answers) -> Selection:
+        return (1.0, 0.0), 0, (), ()
+
+
+def test_a_decision_never_names_a_source_that_may_not_drive() -> None:
+    parameters = Parameters(controller="uniform", behaviors=["left", "right"], guided=0)
+    session = Session(parameters, Line(), FirstActive(), AlwaysLeft())
+    number, _ = session.next_episode() or (0, 0)
+    command, decision = session.decide(Tick(0, number, 0, 0.3, False, False), sources(0.3))
+    assert (command, decision.driver) == ((-0.5, 0.1), 0)
+    command, decision = session.decide(Tick(1, number, 1, 0.3, False, False), sources(0.3, left_is_active=False))
+    assert (command, decision.driver, decision.weights) == ((0.5, -0.1), DRIVER_BLEND, (0.0, 1.0))
 
 
 SOCCERS = ("tasks/soccer/", "soccer_session.py", "parameters.py", "assembly.py")

@@ -84,22 +84,33 @@ def recorded_parameters(run: Run) -> tuple[FusionParameters, list[str]]:
             f"{run.path}: unknown controller '{controller}'; name its file with --controller FILE.py:{controller}{there}"
         )
     declaration = fusion_parameters(controller)
+    found = {**found, **_in_seconds(found)}
     ours = [field.name for field in fields(declaration)]
     others = {field.name for field in fields(FusionNodeParameters)}
     lacking = [name for name in ours if name not in found]
-    unknown = [name for name in found if name not in {*ours, *others}]
+    unknown = [name for name in found if name not in {*ours, *others, *_IN_STEPS}]
     notes = [f"not in the recording, so their defaults are used: {', '.join(lacking)}"] if lacking else []
     notes += [f"parameters of the recording that this release does not have: {', '.join(unknown)}"] if unknown else []
     values = {name: found[name] for name in ours if name in found}
     return from_mapping(declaration, values, f"{run.path}: config.yaml"), notes
 
 
-def recorded_policy(run: Run) -> Policy | None:
-    """The policy that the run started from; None if it started untrained. Raises BadInput."""
+_IN_STEPS = tuple(f"{learner}_{what}_steps" for learner in ("fbql", "fbql_value") for what in ("hold", "play"))
+"""Durations that older recordings have in steps of 1/60 s."""
+
+
+def _in_seconds(found: Mapping[str, Any]) -> dict[str, float]:
+    """The parameters in seconds that take the place of those in steps."""
+    steps = {name: found[name] for name in _IN_STEPS if isinstance(found.get(name), int)}
+    return {f"{name.removesuffix('_steps')}_s": count / 60 for name, count in steps.items()}
+
+
+def recorded_policy(run: Run, node: str = "fusion") -> Policy | None:
+    """The policy that the run started from; None if it started untrained. Raises BadInput. `node`: the one that decided."""
     data = run.attachments.get(recording_names.POLICY_BEFORE)
     if data is not None:
         return policy_from_bytes(data, f"{run.path}: {recording_names.POLICY_BEFORE}")
-    if run.parameters.get("fusion", {}).get("policy"):
+    if run.parameters.get(node, {}).get("policy"):
         raise BadInput(f"{run.path}: it started from a policy that is not in the recording")
     return None
 

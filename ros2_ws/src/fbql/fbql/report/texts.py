@@ -21,10 +21,10 @@ CONTROLLERS = {
     "uniform": "All behaviors drive together: the command is the mean of their references.",
     "fbql_literal": "All behaviors drive together: the command is the sum of their references, each times its weight. The "
     "weights belong to the joint state (the leaves of all behaviors) and change by the paper's equations 5 and 6.",
-    "fbql": "One behavior drives alone for some steps (fbql_hold_steps); it is chosen by learned weights, which depend on "
+    "fbql": "One behavior drives alone for a while (fbql_hold_s); it is chosen by learned weights, which depend on "
     'the joint state (the leaves of all behaviors) and on what is sensed. "weight" shows the choice: 1 for the behavior that drives. It '
     "learns no Q.",
-    "fbql_value": "One behavior drives alone for some steps (fbql_value_hold_steps); it is chosen by weights that follow Q, the "
+    "fbql_value": "One behavior drives alone for a while (fbql_value_hold_s); it is chosen by weights that follow Q, the "
     "learned value of each behavior, which depends on the joint state (the leaves of all behaviors) and on what is sensed. "
     '"weight" shows the choice: 1 for the behavior that drives.',
 }

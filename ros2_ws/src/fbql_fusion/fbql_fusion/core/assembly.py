@@ -13,8 +13,9 @@ from fbql_common.core.types import BehaviorOutput, World
 
 _MAX_STEPS = 16
 """Steps that are assembled at the same time; in lockstep there is one."""
-MAX_GAP_STEPS = 600
-"""World states that may be missing in a row (10 s at 60 Hz): one farther ahead does not belong to this episode."""
+MAX_GAP_S = 10.0
+"""How far a world state may be ahead of the newest one before it [s]: one farther ahead does not belong to this episode."""
+_MAX_GAP_NS = round(MAX_GAP_S * 1e9)
 
 
 class Arrival(Enum):
@@ -53,8 +54,8 @@ class StepAssembly:
         self._episode: int | None = None
         self._anywhere = False
         self._decided: World | None = None
-        self._newest_step = 0
-        """The newest accepted world state of the episode, decided or not."""
+        self._newest_ns = 0
+        """Stamp of the newest accepted world state of the episode, decided or not [ns]."""
         self._steps: dict[int, PendingStep] = {}
 
     def begin(self, episode: int, anywhere: bool = False) -> None:
@@ -66,7 +67,7 @@ class StepAssembly:
         self._episode = episode
         self._anywhere = anywhere
         self._decided = None
-        self._newest_step = 0
+        self._newest_ns = 0
         self._steps.clear()
 
     def add_world(self, world: World, data: bytes) -> Arrival:
@@ -79,13 +80,13 @@ class StepAssembly:
                 return Arrival.FOREIGN
         elif world.stamp_ns <= decided.stamp_ns or world.step <= decided.step:
             return Arrival.DECIDED if world == decided else Arrival.FOREIGN
-        elif world.step - self._newest_step > MAX_GAP_STEPS:
+        elif world.stamp_ns - self._newest_ns > _MAX_GAP_NS:
             return Arrival.FOREIGN
         step = self._step(world.stamp_ns)
         if step.world is not None:
             return Arrival.WAITING
         step.world, step.world_data = world, data
-        self._newest_step = max(self._newest_step, world.step)
+        self._newest_ns = max(self._newest_ns, world.stamp_ns)
         for index, output in enumerate(step.outputs):
             if output is not None and output.step != world.step:
                 step.outputs[index], step.data[index] = None, b""

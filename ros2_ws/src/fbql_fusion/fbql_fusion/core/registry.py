@@ -21,7 +21,7 @@ from fbql_common.core.parameters import check, limits_of, types_of
 from fbql_fusion.core.controllers.guarded import guard, guarded_call
 from fbql_fusion.core.controllers.guided import Guided
 from fbql_fusion.core.controllers.interface import Controller, Learner
-from fbql_fusion.core.controllers.parameters import CONTROLLERS, SessionParameters
+from fbql_fusion.core.controllers.parameters import CONTROLLERS, MUX_CONTROLLERS, SessionParameters
 from fbql_fusion.core.controllers.uniform import Uniform
 from fbql_fusion.core.learners.literal.learner import FbqlLiteral
 from fbql_fusion.core.learners.ppo.learner import Fbql
@@ -31,12 +31,13 @@ from fbql_fusion.core.tasks.interface import Guide, Task
 
 Factory = Callable[[Any, np.random.Generator], Any]
 """(parameters, generator) -> a controller. The generator is seeded from the run's seed; use no other."""
-_LEARNERS: dict[str, Callable[[Any, Task[Any, Any, Any], np.random.Generator], Learner]] = {
+_LEARNERS: dict[str, Callable[[Any, Task[Any, Any, Any], Guide, np.random.Generator], Learner]] = {
     "fbql": Fbql,
-    "fbql_literal": lambda parameters, _, generator: FbqlLiteral(parameters, generator),
+    "fbql_literal": lambda parameters, _task, _guide, generator: FbqlLiteral(parameters, generator),
     "fbql_value": FbqlValue,
 }
-_OURS = (*_LEARNERS, "subsumption", "uniform")
+_OURS = (*_LEARNERS, "subsumption", "priorities", "uniform")
+"""Subsumption and priorities are the guides of soccer and of a mux: the controller is the guide of the task."""
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 
 
@@ -73,8 +74,9 @@ def register_controller(name: str, factory: Factory, parameters: type[Any] | Non
     if declaration is not None:
         _check_declaration(declaration, where)
     _registered[name] = _Registered(factory, declaration)
-    if name not in CONTROLLERS:
-        CONTROLLERS.append(name)
+    for known in (CONTROLLERS, MUX_CONTROLLERS):
+        if name not in known:
+            known.append(name)
 
 
 def fusion_parameters(controller: str) -> type[FusionParameters]:
@@ -96,7 +98,7 @@ def make_controller(parameters: SessionParameters, task: Task[Any, Any, Any], gu
     name, n = parameters.controller, len(parameters.behaviors)
     generator = np.random.default_rng(np.random.SeedSequence(parameters.seed, spawn_key=(0,)))
     if name in _LEARNERS:
-        return _LEARNERS[name](parameters, task, generator)
+        return _LEARNERS[name](parameters, task, guide, generator)
     if name in _OURS:
         return Uniform(n) if name == "uniform" else Guided(guide, n)
     return _make_registered(parameters, generator)

@@ -13,7 +13,7 @@ from sys import maxsize
 
 import numpy as np
 from fbql_common.core.errors import BadInput
-from fbql_common.core.types import NO_LEAF, Decision, Phase, made_of
+from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, Decision, Phase, made_of
 from fbql_recording.core.metrics import Digest
 
 from fbql_fusion.core.blending import blend
@@ -232,6 +232,7 @@ class Session[M: Moment, C, R]:
             command = alone.command
         else:
             command, weights, rejected = blend(weights, heard, self._space)
+            driver = DRIVER_BLEND
             if rejected:
                 self.rejections.weights += 1
         if terminated or truncated:

@@ -31,7 +31,7 @@ VARIANTS = Variants(
             "no mirror": {"fbql_mirror": False},
             "no critic": {"fbql_value_rate": 0.0, "fbql_trace": 1.0},
             "sensed critic": SENSED_CRITIC,
-            "decided anew at each step": {"fbql_hold_steps": 1},
+            "decided anew at each step": {"fbql_hold_s": 0.0},
             "no guided episodes": {"guided": 0},
             "collisions not punished": {"fbql_reward_collision": 0.0},
         }

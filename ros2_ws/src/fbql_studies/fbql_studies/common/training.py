@@ -109,8 +109,8 @@ def training_of(seed: int, episodes: int, learner: str = FBQL, **changes: Any) -
 
 def as_it_learns(learner: str) -> dict[str, Any]:
     """Parameters with which a learner plays frozen as it does while learning: behaviors are drawn, and held as long."""
-    held = getattr(FusionParameters(), f"{learner}_hold_steps")
-    return {f"{learner}_play": "drawn", f"{learner}_play_steps": held}
+    held = getattr(FusionParameters(), f"{learner}_hold_s")
+    return {f"{learner}_play": "drawn", f"{learner}_play_s": held}
 
 
 def train(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Trained:

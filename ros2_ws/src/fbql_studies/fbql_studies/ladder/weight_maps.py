@@ -27,7 +27,7 @@ def weight_maps(fusion: FusionParameters, policy: Policy, behaviors: Sequence[Be
         behaviors: names; ball_m: x, y; x_m, y_m: the places; headings_rad;
         weights: [heading][y][x][behavior], integers that sum to about 100.
     """
-    play = {"play": "blended", "play_steps": 1, "patience": 0}
+    play = {"play": "blended", "play_s": 0.0, "patience": 0}
     changes = {f"{fusion.controller}_{name}": value for name, value in play.items()}
     blended = replace(fusion, learn=False, guided=0, episodes=1, goals=0, **changes)
     session = SoccerSession(blended, policy)

@@ -29,11 +29,16 @@ def _series(name: str, parameter: str, *values: Any) -> dict[str, Changes]:
     return {name.format(f"{value:g}"): {parameter: value} for value in values}
 
 
+def _steps(name: str, parameter: str, *values: int) -> dict[str, Changes]:
+    """The same for a duration in steps of 1/60 s."""
+    return {name.format(value): {parameter: round(value / 60, 3)} for value in values}
+
+
 VARIANTS = Variants(
     seeds=SEEDS,
     trained=changing(
         {
-            **_series("hold steps {}", "fbql_hold_steps", 1, 2, 4, 8, 16),
+            **_steps("hold steps {}", "fbql_hold_s", 1, 2, 4, 8, 16),
             **_series("trace {}", "fbql_trace", 0.9, 0.95, 0.975),
             **_series("rate {}", "fbql_rate", 0.075, 0.15, 0.3),
             **_series("critic's rate {}", "fbql_value_rate", 0.01, 0.03, 0.1),
@@ -51,7 +56,7 @@ VARIANTS = Variants(
             },
         }
     ),
-    played=changing(_series("play steps {}", "fbql_play_steps", 1, 2, 4, 8)),
+    played=changing(_steps("play steps {}", "fbql_play_s", 1, 2, 4, 8)),
 )
 tasks, run, table = VARIANTS.tasks, VARIANTS.run, VARIANTS.table
 

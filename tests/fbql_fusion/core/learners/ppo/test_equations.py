@@ -11,9 +11,17 @@ from fbql_fusion.core.learners.linear import log_weight_gradient, row_sum, share
 from fbql_fusion.core.learners.ppo import equations as eq
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 numbers = st.floats(-20, 20)
 shares = st.floats(0, 1)
+
+
+def random_masks(rng: np.random.Generator, decisions: int, n: int) -> NDArray[np.bool_]:
+    """Which behaviors may drive, one at least, [N, n]."""
+    masks = rng.random((decisions, n)) < 0.6
+    masks[np.arange(decisions), rng.integers(0, n, decisions)] = True
+    return masks
 
 
 # Eq. 10
@@ -32,6 +40,18 @@ def test_weights_sum_to_1_and_stay_when_all_preferences_shift(h: list[float], sh
     assert eq.softmax([x + shift for x in h]) == pytest.approx(weights, abs=1e-12)
 
 
+@given(preference_lists(), st.data())
+def test_a_behavior_that_may_not_drive_weighs_nothing_and_the_others_as_if_it_were_not_there(
+    h: list[float], data: st.DataObject
+) -> None:
+    mask = data.draw(st.lists(st.booleans(), min_size=len(h), max_size=len(h)).filter(any))
+    others = iter(literal_softmax([x for x, may_drive in zip(h, mask, strict=True) if may_drive]))
+    expected = [next(others) if may_drive else 0.0 for may_drive in mask]
+    found = eq.softmax(h, mask)
+    assert found == pytest.approx(expected, abs=1e-14)
+    assert {w for w, may_drive in zip(found, mask, strict=True) if not may_drive} <= {0.0}
+
+
 def test_preferences_far_apart_do_not_overflow() -> None:
     assert eq.softmax([-1e4, 1e4]) == (0.0, 1.0)
 
@@ -41,10 +61,11 @@ def test_the_weights_of_many_decisions_are_those_of_each(n: int, features: int, 
     rng = np.random.default_rng(seed)
     theta = rng.normal(size=(8, n))
     active = rng.integers(0, 8, size=(decisions, features))
-    found = eq.weights_of(theta, active)
+    masks = random_masks(rng, decisions, n)
+    found = eq.weights_of(theta, active, masks)
     assert found.shape == (decisions, n)
-    for row, weights in zip(active.tolist(), found.tolist(), strict=True):
-        assert weights == pytest.approx(eq.softmax(row_sum(theta, row)), abs=1e-14)
+    for row, mask, weights in zip(active.tolist(), masks.tolist(), found.tolist(), strict=True):
+        assert weights == pytest.approx(eq.softmax(row_sum(theta, row), mask), abs=1e-14)
 
 
 # Eqs. 12 and 13
@@ -183,7 +204,7 @@ def test_approx_kl_is_never_below_0_and_0_where_nothing_changed(pairs: list[tupl
 
 def test_large_preferences_give_weights_and_no_overflow() -> None:
     theta = np.array([[1000.0, 1001.0], [-1000.0, -1000.0]])
-    assert eq.weights_of(theta, np.array([[0], [1]])) == pytest.approx(
+    assert eq.weights_of(theta, np.array([[0], [1]]), np.ones((2, 2), dtype=np.bool_)) == pytest.approx(
         np.array([[1 / (1 + np.e), np.e / (1 + np.e)], [0.5, 0.5]])
     )
 
@@ -195,8 +216,9 @@ def test_large_preferences_give_weights_and_no_overflow() -> None:
 def test_each_loop_has_the_bits_of_its_numpy_form(n: int, decisions: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     theta, active = rng.normal(size=(8, n)), rng.integers(0, 8, size=(decisions, 5))
-    weights = eq.weights_of.function(theta, active)
-    assert weights.tobytes() == eq.weights_of.interpreted(theta, active).tobytes()
+    masks = random_masks(rng, decisions, n)
+    weights = eq.weights_of.function(theta, active, masks)
+    assert weights.tobytes() == eq.weights_of.interpreted(theta, active, masks).tobytes()
     drawn, old_prob, advantage = rng.integers(0, n, decisions), rng.random(decisions) + 0.1, rng.normal(size=decisions)
     given = weights, drawn, old_prob, advantage, 0.4
     assert (eq.clipped_surrogate_step.function(*given) == eq.clipped_surrogate_step.interpreted(*given)).all()

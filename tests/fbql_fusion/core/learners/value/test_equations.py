@@ -82,11 +82,16 @@ def test_weights_and_q_of_many_situations_are_those_of_each(
 ) -> None:
     rng = np.random.default_rng(seed)
     theta, shared = rng.normal(size=(situations, n)), rng.normal(size=situations)
-    weights = eq.soft_weights_of_all(theta, temperature, exploration)
+    masks = rng.random((situations, n)) < 0.6
+    masks[np.arange(situations), rng.integers(0, n, situations)] = True
+    weights = eq.soft_weights_of_all(theta, temperature, exploration, masks)
     q = eq.values_of_all(theta, shared, weights)
     assert weights.shape == q.shape == (situations, n)
-    for row, u, ws, qs in zip(theta.tolist(), shared.tolist(), weights.tolist(), q.tolist(), strict=True):
-        one = eq.soft_weights(row, temperature, exploration)
+    every = (theta, shared, masks, weights, q)
+    for row, u, mask, ws, qs in zip(*(each.tolist() for each in every), strict=True):
+        one = eq.soft_weights(row, temperature, exploration, mask)
+        others = iter(literal_weights([x for x, may in zip(row, mask, strict=True) if may], temperature, exploration))
+        assert one == pytest.approx([next(others) if may else 0.0 for may in mask], abs=1e-9)
         assert ws == pytest.approx(one, abs=1e-12)
         assert qs == pytest.approx(eq.values_of(row, u, one), abs=1e-12)
 

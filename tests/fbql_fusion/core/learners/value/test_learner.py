@@ -40,7 +40,7 @@ def moved(session: SoccerSession, before: Arrays) -> np.ndarray:
 
 @pytest.mark.parametrize(("end", "sign"), [(GOAL, 1.0), (OWN_GOAL, -1.0)])
 def test_who_drove_gains_or_loses_what_came_and_the_others_the_opposite(end: dict[str, bool], sign: float) -> None:
-    session = with_values(0.0, own_hold_steps=30, own_exploration_first=1.0, own_exploration_last=1.0)
+    session = with_values(0.0, own_hold_s=30 / 60, own_exploration_first=1.0, own_exploration_last=1.0)
     drivers: set[int] = set()
     for _ in range(10):
         before = arrays_of(session)
@@ -55,7 +55,7 @@ def test_who_drove_gains_or_loses_what_came_and_the_others_the_opposite(end: dic
 
 def test_truncation_is_worth_what_its_state_is_and_termination_nothing() -> None:
     """Without rewards, where everything is worth 6 and stays as it is."""
-    session = with_values(6.0, own_hold_steps=30, reward_goal=0.0)
+    session = with_values(6.0, own_hold_s=30 / 60, reward_goal=0.0)
     before = arrays_of(session)
     stay(session, 30, **TIMEOUT)
     assert np.abs(moved(session, before)).sum() == pytest.approx(0.0, abs=1e-9)
@@ -137,7 +137,7 @@ def test_with_eps_1_it_goes_on_drawing_alike_whatever_it_learned() -> None:
 
 def test_a_robot_that_stands_still_for_many_episodes_leaves_q_within_the_rewards() -> None:
     """A deadlock, the most frequent failure: all of its decisions have the same features."""
-    session = SoccerSession(parameters(VALUE, seed=1, guided=3, own_hold_steps=1))
+    session = SoccerSession(parameters(VALUE, seed=1, guided=3, own_hold_s=1 / 60))
     for episode in range(20):
         stay(session, 300, **(GOAL if episode % 5 == 4 else TIMEOUT))
     if not arrays_of(session)["waiting_active"].size:  # it was just learned from

@@ -151,7 +151,7 @@ def test_a_decision_keeps_the_critic_inputs_of_its_own_moment(mirror: bool) -> N
     play(session, 4, listening)
     arrays = arrays_of(session)
     assert len(arrays["waiting_lengths"]) == 4
-    held = session.parameters.fbql_hold_steps
+    held = round(session.parameters.fbql_hold_s * 60)
     decided = [world for world in heard if world.ended or world.step % held == 0]
     assert len({world.ball_y_m < 0.0 for world in decided}) == 2, "on both sides"
     tiles = critic_tilings(WIDTHS, 4)

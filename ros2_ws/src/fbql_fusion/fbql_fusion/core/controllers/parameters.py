@@ -8,6 +8,8 @@ from fbql_common.core.parameters import parameter
 
 CONTROLLERS = ["fbql", "fbql_literal", "fbql_value", "subsumption", "uniform"]
 """The names of the controllers: those of this package, then those that were registered (`core.registry`)."""
+MUX_CONTROLLERS = ["fbql", "fbql_value", "priorities", "uniform"]
+"""The same for a mux of velocity commands."""
 UP_TO_THE_CONTROLLER = -1
 """The value of `guided` that leaves the number of guided episodes to the controller."""
 GUIDED_EPISODES = 20

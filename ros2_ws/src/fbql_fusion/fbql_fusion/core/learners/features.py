@@ -1,8 +1,8 @@
-"""The features of a step: the joint leaves, and the regions of what the behaviors sense, that it falls into.
+"""The features of a step: the joint leaves, and the regions of what is sensed, that it falls into.
 
 A feature is active or not. Each step has the same number of active features, and a feature gets its index when it is met
 for the first time, so that memory grows with the visited situations and never with the product of the leaves. Nothing
-here knows what a behavior senses: the values are ranked among those of the first episodes (`Scales`).
+here knows what is sensed: the values are ranked among those of the first episodes (`Scales`).
 
 The weights depend on nothing else. The critic V, needed only while learning, may also see inputs from the task.
 """
@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from fbql_common.core.errors import BadInput
 from fbql_common.core.kernels import kernel, kernel_for
-from fbql_common.core.types import NO_LEAF
+from fbql_common.core.types import DRIVER_BLEND, NO_LEAF
 from numpy.typing import NDArray
 
 from fbql_fusion.core.controllers.interface import JointState
@@ -41,9 +41,13 @@ class Situation(NamedTuple):
     joint_state: JointState
     """Length n."""
     observed: tuple[tuple[float, ...], ...]
-    """What each behavior senses, length n; empty where it did not answer."""
+    """What is sensed, in groups, `Task.observed`: in soccer one for each behavior. Empty where it is not known."""
     critic_inputs: tuple[float, ...] = ()
     """What the critic sees in addition, `Task.critic_inputs`; empty if it sees no more."""
+    mask: tuple[bool, ...] | None = None
+    """Which behaviors may drive, at least one, length n; None: all. Features do not depend on it."""
+    guide: int | None = None
+    """The behavior that the guide would choose, or DRIVER_BLEND; None if that is no feature."""
 
 
 class Scales:
@@ -56,7 +60,7 @@ class Scales:
     Args:
         knots: quantiles of each component, [d, KNOTS], rows not decreasing.
         signed: which components change their sign in the mirror, [d].
-        lengths: components of each behavior, length n, sum d.
+        lengths: components of each group, sum d.
     """
 
     def __init__(self, knots: NDArray[np.float64], signed: NDArray[np.bool_], lengths: Sequence[int]) -> None:
@@ -72,9 +76,11 @@ class Scales:
 
     @classmethod
     def of(cls, situations: Sequence[Situation], mirror: bool) -> Scales:
-        """The scales of the values sensed in one or more situations in which every behavior answered."""
+        """The scales of the values sensed in one or more situations in which every group is known."""
         lengths = [len(observed) for observed in situations[0].observed]
-        values = np.array([[x for observed in each.observed for x in observed] for each in situations])
+        values = np.array(
+            [[x for observed in each.observed for x in observed] for each in situations], dtype=np.float64
+        )
         share = SIGNED_SHARE * len(values)
         signed = ((values < 0).sum(axis=0) >= share) & ((values > 0).sum(axis=0) >= share)
         if not mirror:
@@ -86,11 +92,11 @@ class Scales:
         return cls(np.ascontiguousarray(knots), signed, lengths)
 
     def ranks(self, observed: Sequence[Sequence[float]]) -> list[float | None]:
-        """The rank of each component, length d; None for those of a behavior that did not answer, or reported a
-        different number of values.
+        """The rank of each component, length d; None for those of a group that is not known, or has a different number of
+        values.
 
         Args:
-            observed: what each behavior senses, length n.
+            observed: what is sensed, group by group.
         """
         values: list[float | None] = []
         for length, own in zip(self.lengths, observed, strict=True):
@@ -168,7 +174,7 @@ def tile_keys(
 
 
 def _parts_of[T](values: Sequence[T], lengths: Sequence[int]) -> list[Sequence[T]]:
-    """The values of each behavior, one after the other."""
+    """The values of each group, one after the other."""
     ends = list(accumulate(lengths))
     return [values[end - length : end] for end, length in zip(ends, lengths, strict=True)]
 
@@ -190,11 +196,11 @@ class Resolution(NamedTuple):
     leaf_pairs: bool = True
     """Whether there is a feature for each leaf and each pair of leaves."""
     pair_tilings: int = 4
-    """Tilings of what each pair of behaviors senses."""
+    """Tilings of each pair of groups of what is sensed."""
     pair_tiles: int = 6
     """Tiles along each component of such a tiling."""
     joint_tilings: int = 4
-    """Tilings of what all behaviors sense."""
+    """Tilings of everything that is sensed."""
     joint_tiles: int = 4
     """Tiles along each component of such a tiling."""
     world_tilings: int = 0
@@ -312,34 +318,48 @@ def indices_of(keys: NDArray[np.int64], index: KeyIndex, found: NDArray[np.int64
 class Features:
     """The indices of a situation's active features.
 
-    Active are the leaf of each behavior, each pair of leaves, and one tile of each tiling. The tilings of a kind are
-    shifted against each other by `offsets`, so that together they distinguish more than one and still generalise. A
-    behavior that does not report what it senses is left out of the tilings.
+    Active are the leaf of each behavior, each pair of leaves, one tile of each tiling, and which behavior the guide would
+    choose, if that is a feature. The tilings of a kind are shifted against each other by `offsets`, so that together they
+    distinguish more than one and still generalise. A group of what is sensed that is not known is left out of the tilings.
 
     Args:
         scales: of what is sensed.
         offsets: shift of each tiling along each component, in tiles, [tilings, d].
         critic: tilings of the inputs that only the critic sees, see `critic_tilings`.
+        behaviors: n; None: as many as there are groups.
+        has_guide: whether the guide's choice is a feature. Its n + 1 values then are the first features.
     """
 
     def __init__(
-        self, scales: Scales, resolution: Resolution, offsets: NDArray[np.float64], critic: Tilings = NO_TILINGS
+        self,
+        scales: Scales,
+        resolution: Resolution,
+        offsets: NDArray[np.float64],
+        critic: Tilings = NO_TILINGS,
+        behaviors: int | None = None,
+        has_guide: bool = False,
     ) -> None:
         self.scales = scales
         self.resolution = resolution
         self.offsets = offsets
-        self._index: dict[int, int] = {}
-        n, d = len(scales.lengths), len(scales.knots)
+        self.has_guide = has_guide
+        sensed, d = len(scales.lengths), len(scales.knots)
+        n = sensed if behaviors is None else behaviors
+        self._index: dict[int, int] = {_guide_key(i): i + 1 for i in range(-1, n)} if has_guide else {}
         pairs = list(combinations(range(n), 2))
         self._leaves = [(-1 - i) * _MIX for i in range(n)] if resolution.leaf_pairs else []
         self._leaf_pairs = [(i, j, (-1 - i * n - j) * _MIX * _MIX) for i, j in pairs] if resolution.leaf_pairs else []
         groups: list[tuple[tuple[int, ...], int, int]] = []
-        groups += [(pair, t, resolution.pair_tiles) for pair in pairs for t in range(resolution.pair_tilings)]
         groups += [
-            (tuple(range(n)), resolution.pair_tilings + t, resolution.joint_tiles)
+            (pair, t, resolution.pair_tiles)
+            for pair in combinations(range(sensed), 2)
+            for t in range(resolution.pair_tilings)
+        ]
+        groups += [
+            (tuple(range(sensed)), resolution.pair_tilings + t, resolution.joint_tiles)
             for t in range(resolution.joint_tilings)
         ]
-        owner = np.repeat(np.arange(n), scales.lengths)
+        owner = np.repeat(np.arange(sensed), scales.lengths)
         asked = [(group, np.isin(owner, group), row, tiles) for group, row, tiles in groups]
         asked = [each for each in asked if each[1].any()]
         self._tilings = Tilings.of(
@@ -350,10 +370,10 @@ class Features:
         )
         self._with_critic = self._tilings.beside(critic)
         self._needs = [[i for i in group if scales.lengths[i]] for group, *_ in asked] + [[]] * len(critic.sizes)
-        """The behaviors whose observations a tiling needs."""
+        """The groups that a tiling needs."""
         leaves = n + len(pairs) if resolution.leaf_pairs else 0
-        self.active_features = leaves + len(asked)
-        """F: how many are active where every behavior answered."""
+        self.active_features = has_guide + leaves + len(asked)
+        """F: how many are active where everything is known."""
         self.critic_features = len(critic.sizes)
         """F': how many more V sees."""
 
@@ -385,7 +405,10 @@ class Features:
                 raise ValueError(f"the feature with key {key} has an index already")
 
     def tables(self) -> FeatureTables:
-        """The same features for compiled code, which `situation_keys` reads."""
+        """The same features for compiled code, which `situation_keys` reads. Raises BadInput if the guide's choice is one of
+        them."""
+        if self.has_guide:
+            raise BadInput("compiled situations do not know what the guide would choose; set fbql_prior to 0")
         pairs = np.array(self._leaf_pairs, dtype=np.int64).reshape(-1, 3)
         return FeatureTables(
             self.scales.knots,
@@ -397,6 +420,10 @@ class Features:
             self.active_features,
             self.critic_features,
         )
+
+    def of_guide(self, behavior: int) -> int:
+        """The feature that the guide would choose a behavior."""
+        return self._index[_guide_key(behavior)]
 
     def row(self, situation: Situation) -> list[int]:
         """The active features, then those of the critic's further inputs: the part of a situation that is kept to
@@ -421,10 +448,12 @@ class Features:
         """A number for each active feature, and then for each tile of the critic's inputs, if there are any: equal for
         equal features, and for different ones only with probability 2^-62.
 
-        Only the keys of leaves are below 0.
+        Only the keys of leaves are below 0, and those of the guide's choice.
         """
         leaves = situation.joint_state
         keys = [base - leaf for base, leaf in zip(self._leaves, leaves) if leaf != NO_LEAF]  # noqa: B905 - none, or as many
+        if self.has_guide:
+            keys.insert(0, _guide_key(DRIVER_BLEND if situation.guide is None else situation.guide))
         keys += [
             base + leaves[i] * _MIX + leaves[j] for i, j, base in self._leaf_pairs if leaves[i] != NO_LEAF != leaves[j]
         ]
@@ -458,23 +487,47 @@ class Features:
 
     @classmethod
     def from_arrays(
-        cls, arrays: Mapping[str, NDArray[Any]], resolution: Resolution, behaviors: int, critic: Tilings = NO_TILINGS
+        cls,
+        arrays: Mapping[str, NDArray[Any]],
+        resolution: Resolution,
+        behaviors: int,
+        critic: Tilings = NO_TILINGS,
+        observed_lengths: tuple[int, ...] | None = None,
     ) -> Features:
-        """The features that `to_arrays` returned. Raises BadInput for arrays that can't come from it."""
-        check_arrays(arrays, {"lengths": ("i", (behaviors,)), "signed": ("b", (rows_of(arrays, "signed"),))})
+        """The features that `to_arrays` returned. Raises BadInput for arrays that can't come from it.
+
+        Args:
+            observed_lengths: see `Task`.
+        """
+        groups = behaviors if observed_lengths is None else len(observed_lengths)
+        check_arrays(arrays, {"lengths": ("i", (groups,)), "signed": ("b", (rows_of(arrays, "signed"),))})
         _check_resolution(arrays, resolution)
         lengths: list[int] = arrays["lengths"].tolist()
-        if min(lengths) < 0:
+        if min(lengths, default=0) < 0:
             raise BadInput("the policy's array 'lengths' has a number below 0")
+        if observed_lengths not in (None, tuple(lengths)):
+            raise BadInput(
+                f"the policy was learned with groups of {', '.join(map(str, lengths))} observations; here they are of "
+                f"{', '.join(map(str, observed_lengths))}"
+            )
         d, tilings = sum(lengths), resolution.pair_tilings + resolution.joint_tilings
         check_arrays(arrays, {"knots": ("f", (d, KNOTS)), "signed": ("b", (d,)), "offsets": ("f", (tilings, d))})
         check_arrays(arrays, {"keys": ("i", (rows_of(arrays, "keys"),))})
         check_range(arrays, "offsets", 0.0, 1.0)
         if (np.diff(arrays["knots"], axis=1) < 0).any():
             raise BadInput("the policy's array 'knots' has quantiles that decrease")
-        features = cls(Scales(arrays["knots"], arrays["signed"], lengths), resolution, arrays["offsets"], critic)
+        scales, has_guide = (
+            Scales(arrays["knots"], arrays["signed"], lengths),
+            bool((arrays["keys"] == _guide_key(-1)).any()),
+        )
+        features = cls(scales, resolution, arrays["offsets"], critic, behaviors, has_guide)
         features.load_keys(arrays["keys"])
         return features
+
+
+def _guide_key(behavior: int) -> int:
+    """The key of the guide's choice, above those of leaves: -1 for DRIVER_BLEND, then down."""
+    return -2 - behavior
 
 
 def _check_resolution(arrays: Mapping[str, NDArray[Any]], expected: Resolution) -> None:

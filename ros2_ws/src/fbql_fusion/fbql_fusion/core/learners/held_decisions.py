@@ -26,7 +26,7 @@ from fbql_fusion.core.learners.parameters import FeatureParameters
 from fbql_fusion.core.learners.policy_arrays import check_arrays, generator_state, set_generator_state
 from fbql_fusion.core.learners.tilings import FAR, critic_tilings
 from fbql_fusion.core.learners.trajectories import Trajectory
-from fbql_fusion.core.tasks.interface import Answer, Answers, Task
+from fbql_fusion.core.tasks.interface import Answer, Answers, Guide, Task
 
 FIRST_EPISODES = 20
 """Episodes that the scales are made of if none is guided."""
@@ -40,6 +40,15 @@ _ALWAYS = {"counts": ("i", (2,)), "generator": ("u", (6,))}
 
 Values = tuple[tuple[float, ...], tuple[float, ...]]
 """(weights, q) of a situation, each of length n; q is empty if only weights are learned."""
+
+
+def per_step(discount: float, period_s: float, task: Task[Any, Any, Any]) -> float:
+    """The discount over a step of a task, from one over a period [s]."""
+    return discount ** (task.period_s / period_s)
+
+
+def _steps_in(duration_s: float, task: Task[Any, Any, Any]) -> int:
+    return max(round(duration_s / task.period_s), 1)
 
 
 class Holding(NamedTuple):
@@ -59,10 +68,35 @@ class Holding(NamedTuple):
     """Episodes in a batch, once it has grown to its full size."""
     world_tilings: int
     """Tilings of each group of the inputs that only the critic sees, see `Resolution`."""
+    has_prior: bool
+    """Whether it is a feature which behavior the guide would choose."""
+
+    @classmethod
+    def of(
+        cls,
+        task: Task[Any, Any, Any],
+        durations_s: tuple[float, float],
+        play: str,
+        patience: int,
+        discount: float,
+        batch_episodes: int,
+        world_tilings: int,
+        has_prior: bool = False,
+    ) -> Holding:
+        """The same from durations, while learning and while not, that are rounded to whole steps of the task."""
+        steps, play_steps = (_steps_in(each, task) for each in durations_s)
+        return cls(steps, play_steps, play, patience, discount, batch_episodes, world_tilings, has_prior)
 
 
 def _may_drive(answer: Answer | None) -> bool:
     return answer is not None and answer.active
+
+
+def _mask_of(answers: Answers) -> tuple[bool, ...] | None:
+    """Which behaviors may drive; None where that is no restriction: all may, or none. One that did not answer is not
+    masked: what was learned about it is reported all the same, and it is not drawn."""
+    mask = tuple([x is None or x.active for x in answers])
+    return None if all(mask) or not any(mask) else mask
 
 
 class HeldDecisions(ABC):
@@ -73,11 +107,13 @@ class HeldDecisions(ABC):
         parameters: FeatureParameters,
         holding: Holding,
         task: Task[Any, Any, Any],
+        guide: Guide,
         generator: np.random.Generator,
     ) -> None:
         self._parameters = parameters
         self._holding = holding
         self._task = task
+        self._guide = guide
         self._critic = critic_tilings(task.critic_widths, holding.world_tilings)
         self._generator = generator
         self._behaviors = n = len(parameters.behaviors)
@@ -92,8 +128,9 @@ class HeldDecisions(ABC):
         )
         self._alone = one_hot_weights(n)
         self._features: Features | None = None
-        self._lengths: tuple[int, ...] | None = None
-        """How many numbers each behavior senses, length n, once it is known."""
+        self._lengths: tuple[int, ...] | None = task.observed_lengths
+        """How many numbers each group of what is sensed has, once it is known."""
+        self._everyone = (True,) * n
         self._episodes: int = 0
         """Episodes that ended, guided ones not counted."""
         self._updates: int = 0
@@ -108,6 +145,8 @@ class HeldDecisions(ABC):
         self._linked = False
         """Whether a transition led to the moment that is decided next."""
         self._held_for = 0
+        self._nobody = False
+        """Whether no behavior could drive when it was last decided."""
         self._weights: tuple[float, ...] = (1.0 / n,) * n
         self._learned: tuple[float, ...] = self._weights
         """The weights by which the last decision was made."""
@@ -123,8 +162,13 @@ class HeldDecisions(ABC):
         return 0 if self._features is None else len(self._features)
 
     @abstractmethod
-    def _evaluate(self, active: Sequence[int]) -> Values:
-        """Weights and Q of a situation with these active features; empty means that none is known yet."""
+    def _evaluate(self, active: Sequence[int], situation: Situation) -> Values:
+        """Weights and Q of a situation with these active features; empty means that none is known yet. Where the situation has a
+        mask, weights are those among the behaviors that may drive."""
+
+    def _set_prior(self, features: Features) -> None:
+        """Sets what is known of the guide before anything is learned, if that is a feature."""
+        raise NotImplementedError
 
     @abstractmethod
     def _learn_first(self) -> None:
@@ -152,6 +196,7 @@ class HeldDecisions(ABC):
         learns = self._parameters.learn and phase is not Phase.EVALUATION
         self._trajectory = Trajectory(guided=phase is Phase.GUIDED) if learns else None
         self._linked = True
+        self._nobody = False
         self._held_for = 0
         self._visits.clear()
 
@@ -165,7 +210,8 @@ class HeldDecisions(ABC):
         if self._held_for and complete and not moment.ended and (driven is None or driven.active):
             self._held_for -= 1
             if self._driver == DRIVER_BLEND:
-                self._weights, self._q = self._evaluate(self._known(self._situation(moment, joint_state, answers)))
+                situation = self._situation(moment, joint_state, answers)
+                self._weights, self._q = self._evaluate(self._known(situation), situation)
                 self._learned = self._weights
             return self._weights, self._driver, self._q, self._learned
         situation = self._situation(moment, joint_state, answers)
@@ -177,18 +223,24 @@ class HeldDecisions(ABC):
             return self._weights, self._driver, self._q, self._learned
         self._decide(situation, answers)
         steps = self._holding.play_steps if self._phase is Phase.EVALUATION else self._holding.steps
-        self._held_for = steps - 1 if complete else 0
+        self._held_for = steps - 1 if complete and not self._nobody else 0
         return self._weights, self._driver, self._q, self._learned
 
     def _situation(self, moment: Any, joint_state: JointState, answers: Answers) -> Situation:
         """The situation of a step; the critic's further inputs are added if it is learned from."""
-        observed = tuple([() if x is None else x.observation for x in answers])
-        if self._trajectory is None or not len(self._critic.sizes):
-            return Situation(joint_state, observed)
-        return Situation(joint_state, observed, self._task.critic_inputs(moment, self._resolution.mirror))
+        task = self._task
+        is_seen = self._trajectory is not None and len(self._critic.sizes)
+        has_prior = self._holding.has_prior if self._features is None else self._features.has_guide
+        return Situation(
+            joint_state,
+            task.observed(moment, answers),
+            task.critic_inputs(moment, self._resolution.mirror) if is_seen else (),
+            _mask_of(answers),
+            self._guide.driver(moment, answers) if has_prior else None,
+        )
 
     def _is_sound(self, situation: Situation) -> bool:
-        """Whether it can be learned from: every number is finite, each behavior senses as many values as before, and
+        """Whether it can be learned from: every number is finite, each group has as many values as before, and
         the critic's inputs are within FAR."""
         lengths = tuple([len(observed) for observed in situation.observed])
         if self._lengths is None:
@@ -207,7 +259,7 @@ class HeldDecisions(ABC):
         features = self._features
         row = features.row(situation) if features is not None and trajectory is not None else None
         active = self._known(situation) if features is None or row is None else features.active_in(row)
-        weights, self._q = self._evaluate(active)
+        weights, self._q = self._evaluate(active, situation)
         self._learned = weights
         live = [w if _may_drive(x) else 0.0 for w, x in zip(weights, answers, strict=True)]
         joint_state = situation.joint_state
@@ -217,13 +269,17 @@ class HeldDecisions(ABC):
         if 0 < patience < visits and self._phase is Phase.EVALUATION:
             # The weights for the draw become more equal with every repetition: no deadlock lasts.
             play, live = "drawn", [w ** (patience / visits) for w in live]
-        if play == "blended" or not any(live):
+        self._nobody = not any(live)
+        if play == "blended" or self._nobody:
             self._weights, self._driver = weights, DRIVER_BLEND
             return
         driver = self._draw(live) if play == "drawn" else live.index(max(live))
         self._weights, self._driver = self._alone[driver], driver
         if trajectory is not None:
-            trajectory.begin_decision(situation, row, driver, weights[driver])
+            trajectory.begin_decision(situation, row, self._mask(situation), driver, weights[driver])
+
+    def _mask(self, situation: Situation) -> tuple[bool, ...]:
+        return situation.mask or self._everyone
 
     def _draw(self, weights: Sequence[float]) -> int:
         """Draws a behavior with the weights as probabilities."""
@@ -243,9 +299,12 @@ class HeldDecisions(ABC):
         self._linked = True
         if self._trajectory is None:
             return
-        if not self._trajectory.add_step(transition.driver, transition.reward, self._holding.discount):
+        if self._nobody and transition.driver < 0:
+            self._trajectory.wait(transition.reward, self._holding.discount)
+        elif not self._trajectory.add_step(transition.driver, transition.reward, self._holding.discount):
             self._trajectory = None
-        elif transition.terminated:
+            return
+        if transition.terminated:
             self._trajectory.terminated = True
             self._trajectory.succeeded = transition.succeeded
 
@@ -254,7 +313,8 @@ class HeldDecisions(ABC):
         self._trajectory = None
         if not trajectory.drivers:
             return
-        trajectory.end(situation, None if self._features is None else self._features.row(situation))
+        row = None if self._features is None else self._features.row(situation)
+        trajectory.end(situation, row, self._mask(situation))
         self._waiting.append(trajectory)
         self._decisions += len(trajectory.drivers)
         if self._decisions >= COMPILE_AFTER:
@@ -274,7 +334,10 @@ class HeldDecisions(ABC):
         situations = [situation for trajectory in self._waiting for situation in trajectory.situations]
         scales = Scales.of(situations, self._resolution.mirror)
         offsets = Features.random_offsets(self._resolution, len(scales.knots), self._generator)
-        self._features = features = Features(scales, self._resolution, offsets, self._critic)
+        behaviors, has_guide = self._behaviors, self._holding.has_prior
+        self._features = features = Features(scales, self._resolution, offsets, self._critic, behaviors, has_guide)
+        if has_guide:
+            self._set_prior(features)
         for trajectory in self._waiting:
             trajectory.rows = [features.row(situation) for situation in trajectory.situations]
             trajectory.situations = []
@@ -307,7 +370,9 @@ class HeldDecisions(ABC):
             raise BadInput(f"the policy's array 'counts' is {counts}, which can't be")
         set_generator_state(self._generator, arrays["generator"])
         if arrays.keys() > _ALWAYS.keys() or self._updates:
-            features = Features.from_arrays(arrays, self._resolution, self._behaviors, self._critic)
+            features = Features.from_arrays(
+                arrays, self._resolution, self._behaviors, self._critic, self._task.observed_lengths
+            )
             m = len(features)
             shapes = {name: ("f", (m, *table.shape[1:])) for name, table in self._tables().items()}
             check_arrays(arrays, shapes)

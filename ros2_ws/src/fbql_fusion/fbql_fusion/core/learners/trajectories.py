@@ -37,10 +37,14 @@ class Trajectory:
     terminated: bool = False
     succeeded: bool = False
     """Whether it ended with a success."""
+    masks: list[tuple[bool, ...]] = field(default_factory=list[tuple[bool, ...]])
+    """Which behaviors could have driven, in each of the T + 1 situations."""
 
-    def begin_decision(self, situation: Situation, row: list[int] | None, driver: int, old_prob: float) -> None:
+    def begin_decision(
+        self, situation: Situation, row: list[int] | None, mask: tuple[bool, ...], driver: int, old_prob: float
+    ) -> None:
         """Begins a decision. `row` holds its features; None as long as there are none."""
-        self._add(situation, row)
+        self._add(situation, row, mask)
         self.drivers.append(_THE_GUIDES if self.guided else driver)
         self.old_probs.append(old_prob)
         self.rewards.append(0.0)
@@ -57,11 +61,18 @@ class Trajectory:
         self.discounts[-1] *= discount
         return True
 
-    def end(self, situation: Situation, row: list[int] | None) -> None:
-        """Records the situation in which the episode ended."""
-        self._add(situation, row)
+    def wait(self, reward: float, discount: float) -> None:
+        """Adds a step in which no behavior could drive: what it brought is due to the decision before, if there was one."""
+        if self.drivers:
+            self.rewards[-1] += self.discounts[-1] * reward
+            self.discounts[-1] *= discount
 
-    def _add(self, situation: Situation, row: list[int] | None) -> None:
+    def end(self, situation: Situation, row: list[int] | None, mask: tuple[bool, ...]) -> None:
+        """Records the situation in which the episode ended."""
+        self._add(situation, row, mask)
+
+    def _add(self, situation: Situation, row: list[int] | None, mask: tuple[bool, ...]) -> None:
+        self.masks.append(mask)
         if row is None:
             self.situations.append(situation)
         else:
@@ -78,9 +89,13 @@ def minibatches(decisions: int, size: int, generator: np.random.Generator) -> It
 def to_arrays(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[Any]]:
     """Trajectories not learned from yet: for E of them with N decisions in all, waiting_lengths int64 [E],
     waiting_terminated bool [E], waiting_active (the rows of `Trajectory`) int64 [N + E, F + F'], waiting_driver int64 [N],
-    waiting_chance (`old_probs`), waiting_reward and waiting_discount float64 [N]."""
+    waiting_chance (`old_probs`), waiting_reward and waiting_discount float64 [N]; if some behavior could not drive at some time,
+    waiting_mask bool [N + E, n] as well."""
     rows = [row for each in trajectories for row in each.rows]
+    masks = np.array([mask for each in trajectories for mask in each.masks], dtype=np.bool_)
+    arrays = {} if masks.all() else {"waiting_mask": masks}
     return {
+        **arrays,
         "waiting_lengths": np.array([len(each.drivers) for each in trajectories], dtype=np.int64),
         "waiting_terminated": np.array([each.terminated for each in trajectories], dtype=np.bool_),
         "waiting_active": np.array(rows, dtype=np.int64).reshape(len(rows), -1 if rows else 0),
@@ -104,6 +119,10 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]], features: Features, behavior
     check_range(arrays, "waiting_driver", 0, behaviors - 1)
     check_range(arrays, "waiting_chance", float(np.finfo(np.float64).tiny), 1.0)
     check_range(arrays, "waiting_discount", 0.0, 1.0)
+    masks = np.ones((count + total, behaviors), dtype=np.bool_)
+    if "waiting_mask" in arrays:
+        check_arrays(arrays, {"waiting_mask": ("b", masks.shape)})
+        masks = arrays["waiting_mask"]
     lengths, terminated, driver, active, *rest = (arrays[f"waiting_{name}"] for name in names)
     if sum(lengths.tolist()) != total:
         raise BadInput("the policy's arrays 'waiting_*' do not fit each other")
@@ -114,6 +133,10 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]], features: Features, behavior
         old_probs, rewards, discounts = (each[own].tolist() for each in rest)
         rows = active[at + i : at + i + length + 1].tolist()
         drivers = driver[own].tolist()
-        trajectories.append(Trajectory(False, [], rows, drivers, old_probs, rewards, discounts, bool(terminated[i])))
+        mask = [tuple(each) for each in masks[at + i : at + i + length + 1].tolist()]
+        if not any(mask[-1]) or not all(each[drawn] for each, drawn in zip(mask, drivers, strict=False)):
+            raise BadInput("the policy's array 'waiting_mask' excludes a behavior that drove, or all of them")
+        ended = bool(terminated[i])
+        trajectories.append(Trajectory(False, [], rows, drivers, old_probs, rewards, discounts, ended, masks=mask))
         at += length
     return trajectories

@@ -113,8 +113,22 @@ class Task[M: Moment, C, R](Protocol):
         """The commands that the robot takes."""
         ...
 
+    @property
+    def period_s(self) -> float:
+        """Time from one moment to the next [s]; durations are rounded to whole periods."""
+        ...
+
     def begin_episode(self) -> None:
         """Starts the counts of an episode."""
+        ...
+
+    def observed(self, moment: M, answers: Answers, /) -> tuple[tuple[float, ...], ...]:
+        """What is sensed, in groups of numbers; empty where one is not known."""
+        ...
+
+    @property
+    def observed_lengths(self) -> tuple[int, ...] | None:
+        """How many numbers each group has; None: one group for each behavior, whose length shows when it answers."""
         ...
 
     def reward(self, moment: M, /) -> float:

@@ -7,13 +7,15 @@ steps (Sutton, Precup & Singh 1999): R is the discounted reward of these steps a
 in a semi-Markov decision process. Eqs. 11 and 15 are steps of `linear`; docs/fusion.md derives the equations beside
 eqs. 5 and 6.
 
+A behavior that may not drive is left out of eq. 10's sum, so that it is neither drawn nor moved by the gradient.
+
 N decisions (T of one episode), n behaviors, F active features per decision.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, log
+from math import exp, inf, log
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +44,8 @@ class Batch(NamedTuple):
     """Those that V depends on: the same and those of its further inputs, [N, F + F']."""
     drivers: NDArray[np.int64]
     """[N]"""
+    masks: NDArray[np.bool_]
+    """The behaviors that could have driven, [N, n]."""
     old_probs: Floats
     """The weights by which they were drawn, [N]."""
     advantages: Floats
@@ -55,6 +59,7 @@ class Batch(NamedTuple):
             self.active[order],
             self.critic_inputs[order],
             self.drivers[order],
+            self.masks[order],
             self.old_probs[order],
             self.advantages[order],
             self.lambda_returns[order],
@@ -71,28 +76,37 @@ class Rates(NamedTuple):
     clip: float
 
 
-def softmax(preferences: Sequence[float]) -> tuple[float, ...]:
-    """Eq. 10: w_i = exp(h_i) / sum_j exp(h_j), length n. h_i is the sum of theta_{f,i} over the active features f."""
+def softmax(preferences: Sequence[float], mask: Sequence[bool] | None = None) -> tuple[float, ...]:
+    """Eq. 10: w_i = exp(h_i) / sum_j exp(h_j), length n. h_i is the sum of theta_{f,i} over the active features f.
+
+    Args:
+        preferences: h, length n.
+        mask: which behaviors may drive, at least one; the sum is over them, and w is 0 for all others. None: all.
+    """
+    if mask is not None:
+        preferences = [x if may_drive else -inf for x, may_drive in zip(preferences, mask, strict=True)]
     highest = max(preferences)
     powers = [exp(x - highest) for x in preferences]
     total = sum(powers)
     return tuple([x / total for x in powers])
 
 
-def _weights_interpreted(theta: Floats, active: NDArray[np.int64]) -> Floats:
+def _weights_interpreted(theta: Floats, active: NDArray[np.int64], masks: NDArray[np.bool_]) -> Floats:
     h = row_sums(theta, active)
+    h[~masks] = -inf
     h -= h.max(axis=1, keepdims=True)
     powers = np.array(list(map(exp, h.ravel().tolist()))).reshape(h.shape)
     return powers / powers.sum(axis=1, keepdims=True)
 
 
 @kernel_for(_weights_interpreted)
-def weights_of(theta: Floats, active: NDArray[np.int64]) -> Floats:
+def weights_of(theta: Floats, active: NDArray[np.int64], masks: NDArray[np.bool_]) -> Floats:
     """Eq. 10 for many decisions.
 
     Args:
         theta: [features, n].
         active: [N, F].
+        masks: which behaviors may drive, at least one of each decision's, [N, n].
 
     Returns:
         w, [N, n].
@@ -100,11 +114,12 @@ def weights_of(theta: Floats, active: NDArray[np.int64]) -> Floats:
     weights = row_sums(theta, active)
     n = weights.shape[1]
     for t in range(len(weights)):
-        highest = weights[t, 0]
-        for i in range(1, n):
-            highest = max(highest, weights[t, i])
+        highest = -inf
         for i in range(n):
-            weights[t, i] = exp(weights[t, i] - highest)
+            if masks[t, i]:
+                highest = max(highest, weights[t, i])
+        for i in range(n):
+            weights[t, i] = exp(weights[t, i] - highest) if masks[t, i] else 0.0
         total = pairwise_sum(weights[t])
         for i in range(n):
             weights[t, i] /= total
@@ -200,7 +215,7 @@ def policy_pass(theta: Floats, value: Floats, batch: Batch, minibatch: int, weig
         if weights_change:
             active = batch.active[begin:end]
             drivers = batch.drivers[begin:end]
-            weights = weights_of(theta, active)
+            weights = weights_of(theta, active, batch.masks[begin:end])
             step = clipped_surrogate_step(
                 weights, drivers, batch.old_probs[begin:end], batch.advantages[begin:end], rates.clip
             )
@@ -217,5 +232,5 @@ def cloning_pass(
         update_critic(value, batch.critic_inputs[begin:end], batch.lambda_returns[begin:end], rates.critic)
         shown = np.flatnonzero(is_example[begin:end]) + begin
         active = batch.active[shown]
-        step = log_weight_gradient(weights_of(theta, active), batch.drivers[shown])
+        step = log_weight_gradient(weights_of(theta, active, batch.masks[shown]), batch.drivers[shown])
         add_shared(theta, active, step, rates.policy)

@@ -4,7 +4,8 @@
   an option of a semi-Markov decision process (Sutton, Precup & Singh 1999).
 - The critic is asymmetric (Pinto et al. 2018, arXiv 1710.06542): it also sees what only the task knows. Its
   advantages are GAE's (Schulman et al. 2016, arXiv 1506.02438).
-- Warm start: behavioral cloning of the guide, Subsumption, in the guided episodes.
+- Warm start: behavioral cloning of the guide, such as Subsumption, in the guided episodes; or the guide as a prior: one more
+  feature, which behavior the guide would choose, whose preference for it starts at kappa (`fbql_prior`).
 
 What is kept of the paper's FBQL: behaviors side by side, a weight for each, learned in the joint state from sparse
 rewards, guided episodes first. What is replaced: eq. 5's shared target, by a critic of the state and the credit of the
@@ -19,7 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fbql_fusion.core.learners.held_decisions import HeldDecisions, Holding, Values
+from fbql_fusion.core.learners.features import Features, Situation
+from fbql_fusion.core.learners.held_decisions import HeldDecisions, Holding, Values, per_step
 from fbql_fusion.core.learners.linear import CAPACITY, Floats, row_sum, value_sums
 from fbql_fusion.core.learners.ppo.equations import (
     Batch,
@@ -32,9 +34,9 @@ from fbql_fusion.core.learners.ppo.equations import (
     softmax,
     weights_of,
 )
-from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
+from fbql_fusion.core.learners.ppo.parameters import PpoParameters
 from fbql_fusion.core.learners.trajectories import Trajectory
-from fbql_fusion.core.tasks.interface import Task
+from fbql_fusion.core.tasks.interface import Guide, Task
 
 
 def batch_of(trajectories: Sequence[Trajectory], value: Floats, trace: float, active_features: int) -> Batch:
@@ -57,6 +59,7 @@ def batch_of(trajectories: Sequence[Trajectory], value: Floats, trace: float, ac
         np.ascontiguousarray(every[:, :active_features]),
         every,
         np.array([driver for each in trajectories for driver in each.drivers], dtype=np.int64),
+        np.array([mask for each in trajectories for mask in each.masks[:-1]]),
         np.array([old_prob for each in trajectories for old_prob in each.old_probs]),
         np.concatenate(found),
         np.concatenate(targets),
@@ -68,25 +71,36 @@ class Fbql(HeldDecisions):
 
     kind = "fbql"
 
-    def __init__(self, parameters: FbqlParameters, task: Task[Any, Any, Any], generator: np.random.Generator) -> None:
-        holding = Holding(
-            parameters.fbql_hold_steps,
-            parameters.fbql_play_steps,
+    def __init__(
+        self, parameters: PpoParameters, task: Task[Any, Any, Any], guide: Guide, generator: np.random.Generator
+    ) -> None:
+        holding = Holding.of(
+            task,
+            parameters.fbql_durations_s,
             parameters.fbql_play,
             parameters.fbql_patience,
-            parameters.fbql_discount,
+            per_step(parameters.fbql_discount, parameters.fbql_discount_period_s, task),
             parameters.fbql_batch_episodes,
             parameters.fbql_world_tilings,
+            parameters.fbql_prior > 0.0,
         )
-        super().__init__(parameters, holding, task, generator)
+        super().__init__(parameters, holding, task, guide, generator)
         self._ppo = parameters
         self._theta = np.zeros((CAPACITY, self._behaviors))
         self._value = np.zeros(CAPACITY)
         self._rates = Rates(parameters.fbql_rate, parameters.fbql_value_rate, parameters.fbql_clip)
 
-    def _evaluate(self, active: Sequence[int]) -> Values:
+    def _evaluate(self, active: Sequence[int], situation: Situation) -> Values:
         """Eq. 10."""
-        return softmax(row_sum(self._theta, active)), ()
+        preferences = row_sum(self._theta, active)
+        if self._features is None and situation.guide is not None and situation.guide >= 0:
+            preferences[situation.guide] += self._ppo.fbql_prior
+        return softmax(preferences, situation.mask), ()
+
+    def _set_prior(self, features: Features) -> None:
+        """The preference for the behavior that the guide would choose starts at kappa."""
+        for behavior in range(self._behaviors):
+            self._theta[features.of_guide(behavior), behavior] = self._ppo.fbql_prior
 
     def _learn_waiting(self) -> None:
         if self._waiting[-1].guided:
@@ -126,7 +140,7 @@ class Fbql(HeldDecisions):
         self._waiting = []
         batch = batch._replace(advantages=normalised_advantages(batch.advantages))
         for _ in range(p.fbql_passes):
-            kl = approx_kl(weights_of(self._theta, batch.active), batch.drivers, batch.old_probs)
+            kl = approx_kl(weights_of(self._theta, batch.active, batch.masks), batch.drivers, batch.old_probs)
             shuffled = batch.in_order(self._generator.permutation(len(batch.drivers)))
             policy_pass(self._theta, self._value, shuffled, p.fbql_minibatch, kl <= p.fbql_divergence, self._rates)
         self._updates += 1

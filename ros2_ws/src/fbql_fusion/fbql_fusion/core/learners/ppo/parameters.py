@@ -6,18 +6,14 @@ from dataclasses import dataclass
 
 from fbql_common.core.parameters import owned_by, parameter
 
-from fbql_fusion.core.learners.parameters import PLAYS, FeatureParameters
+from fbql_fusion.core.learners.parameters import PLAYS, ROUNDED, FeatureParameters
 
 
 @owned_by("fbql")
 @dataclass(frozen=True)
-class FbqlParameters(FeatureParameters):
-    """The parameters of eqs. 10 to 15 in `docs/fusion.md`. The defaults were chosen on training seeds and tree sets."""
+class PpoParameters(FeatureParameters):
+    """The parameters of eqs. 10 to 15 in `docs/fusion.md`, in any task."""
 
-    fbql_hold_steps: int = parameter(4, "steps for which fbql holds a decision while it learns", low=1, high=1000)
-    fbql_play_steps: int = parameter(
-        2, "steps for which fbql holds a decision when it does not learn", low=1, high=1000
-    )
     fbql_play: str = parameter(
         "held",
         "how fbql plays when it does not learn: the behavior with the largest weight drives, one drawn by the weights, "
@@ -31,8 +27,12 @@ class FbqlParameters(FeatureParameters):
         low=0,
         high=1_000_000,
     )
-    fbql_reward_collision: float = parameter(
-        -0.2, "reward of a collision for fbql, once when it begins", low=-1e9, high=1e9
+    fbql_prior: float = parameter(
+        0.0,
+        "kappa: the preference that an untrained fbql has for the behavior that the guide would choose; 0: the guide is no "
+        "feature. A policy keeps what it was made with",
+        low=0.0,
+        high=100.0,
     )
     fbql_world_tilings: int = parameter(
         4,
@@ -43,7 +43,7 @@ class FbqlParameters(FeatureParameters):
         high=32,
     )
 
-    fbql_discount: float = parameter(0.998, "gamma of fbql, per step", low=0.0, high=1.0)
+    fbql_discount: float = parameter(0.998, "gamma of fbql, per fbql_discount_period_s", low=0.0, high=1.0)
     fbql_trace: float = parameter(0.95, "lambda of eq. 13 (GAE), per decision", low=0.0, high=1.0)
     fbql_rate: float = parameter(0.15, "alpha of eq. 14, shared by the active features", low=0.0, high=10.0)
     fbql_value_rate: float = parameter(
@@ -64,3 +64,29 @@ class FbqlParameters(FeatureParameters):
     fbql_divergence: float = parameter(
         0.05, "approximate KL divergence of a batch's weights beyond which the passes stop changing them", low=0.0
     )
+
+    @property
+    def fbql_durations_s(self) -> tuple[float, float]:
+        """How long a decision is held while fbql learns, and when it does not [s]."""
+        raise NotImplementedError
+
+
+@owned_by("fbql")
+@dataclass(frozen=True)
+class FbqlParameters(PpoParameters):
+    """Those of soccer as well. The defaults were chosen on training seeds and tree sets."""
+
+    fbql_hold_s: float = parameter(
+        0.067, f"time for which fbql holds a decision while it learns{ROUNDED}", unit="s", low=0.0, high=1000.0
+    )
+    fbql_play_s: float = parameter(
+        0.033, f"time for which fbql holds a decision when it does not learn{ROUNDED}", unit="s", low=0.0, high=1000.0
+    )
+    fbql_reward_collision: float = parameter(
+        -0.2, "reward of a collision for fbql, once when it begins", low=-1e9, high=1e9
+    )
+
+    @property
+    def fbql_durations_s(self) -> tuple[float, float]:
+        """See `PpoParameters`."""
+        return self.fbql_hold_s, self.fbql_play_s

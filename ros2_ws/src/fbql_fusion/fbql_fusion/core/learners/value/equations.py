@@ -19,11 +19,20 @@ from numpy.typing import NDArray
 from fbql_fusion.core.learners.linear import Floats, accumulate_td_errors, add_shared, log_weight_gradient
 
 
-def soft_weights(theta: Sequence[float], temperature: float, exploration: float) -> tuple[float, ...]:
+def soft_weights(
+    theta: Sequence[float], temperature: float, exploration: float, mask: Sequence[bool] | None = None
+) -> tuple[float, ...]:
     """Eq. 16: w_i = (1 - eps) exp(theta_i / tau) / sum_j exp(theta_j / tau) + eps / n, length n.
 
     theta_i(s) is sum_f theta_{f,i} over the active features f. By eq. 17 exp(Q_i / tau) in its place gives the same w.
+
+    Args:
+        theta: length n.
+        mask: which behaviors may drive, at least one; sum and n are of them, and w is 0 for all others. None: all.
     """
+    if mask is not None:
+        some = iter(soft_weights([x for x, may in zip(theta, mask, strict=True) if may], temperature, exploration))
+        return tuple([next(some) if may else 0.0 for may in mask])
     highest = max(theta)
     powers = [exp((x - highest) / temperature) for x in theta]
     share = (1.0 - exploration) / sum(powers)
@@ -41,10 +50,12 @@ def values_of(theta: Sequence[float], shared: float, weights: Sequence[float]) -
     return tuple([x + base for x in theta])
 
 
-def soft_weights_of_all(theta: Floats, temperature: float, exploration: float) -> Floats:
-    """Eq. 16 for many situations: theta_i(s) [N, n] gives w, [N, n]."""
+def soft_weights_of_all(theta: Floats, temperature: float, exploration: float, masks: NDArray[np.bool_]) -> Floats:
+    """Eq. 16 for many situations: theta_i(s) [N, n] and which behaviors may drive [N, n] give w, [N, n]."""
+    theta = np.where(masks, theta, -np.inf)
     powers = np.exp((theta - theta.max(axis=1, keepdims=True)) / temperature)
-    return (1.0 - exploration) * powers / powers.sum(axis=1, keepdims=True) + exploration / theta.shape[1]
+    least = exploration / masks.sum(axis=1, keepdims=True)
+    return np.where(masks, (1.0 - exploration) * powers / powers.sum(axis=1, keepdims=True) + least, 0.0)
 
 
 def values_of_all(theta: Floats, shared: Floats, weights: Floats) -> Floats:

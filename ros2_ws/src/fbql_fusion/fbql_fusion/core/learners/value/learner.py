@@ -17,12 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fbql_fusion.core.learners.held_decisions import HeldDecisions, Holding, Values
+from fbql_fusion.core.learners.features import Situation
+from fbql_fusion.core.learners.held_decisions import HeldDecisions, Holding, Values, per_step
 from fbql_fusion.core.learners.linear import CAPACITY, Floats, row_sum
 from fbql_fusion.core.learners.trajectories import Trajectory, minibatches
 from fbql_fusion.core.learners.value import equations as eq
-from fbql_fusion.core.learners.value.parameters import FbqlValueParameters
-from fbql_fusion.core.tasks.interface import Task
+from fbql_fusion.core.learners.value.parameters import ValueParameters
+from fbql_fusion.core.tasks.interface import Guide, Task
 
 
 class Targets(NamedTuple):
@@ -44,18 +45,18 @@ class FbqlValue(HeldDecisions):
     kind = "fbql_value"
 
     def __init__(
-        self, parameters: FbqlValueParameters, task: Task[Any, Any, Any], generator: np.random.Generator
+        self, parameters: ValueParameters, task: Task[Any, Any, Any], guide: Guide, generator: np.random.Generator
     ) -> None:
-        holding = Holding(
-            parameters.fbql_value_hold_steps,
-            parameters.fbql_value_play_steps,
+        holding = Holding.of(
+            task,
+            parameters.fbql_value_durations_s,
             parameters.fbql_value_play,
             parameters.fbql_value_patience,
-            parameters.fbql_value_discount,
+            per_step(parameters.fbql_value_discount, parameters.fbql_discount_period_s, task),
             parameters.fbql_value_batch_episodes,
             world_tilings=0,
         )
-        super().__init__(parameters, holding, task, generator)
+        super().__init__(parameters, holding, task, guide, generator)
         self._own = parameters
         self._values = np.zeros((CAPACITY, self._behaviors + 1))
         """theta and U, see `equations`."""
@@ -72,10 +73,10 @@ class FbqlValue(HeldDecisions):
         """Eq. 18."""
         return eq.decayed(first, last, self._own.fbql_value_halving, self._episodes)
 
-    def _evaluate(self, active: Sequence[int]) -> Values:
+    def _evaluate(self, active: Sequence[int], situation: Situation) -> Values:
         """Eqs. 16 and 17."""
         *theta, shared = row_sum(self._values, active)
-        weights = eq.soft_weights(theta, self._temperature, self._exploration)
+        weights = eq.soft_weights(theta, self._temperature, self._exploration, situation.mask)
         return weights, eq.values_of(theta, shared, weights)
 
     def _learn_first(self) -> None:
@@ -112,7 +113,7 @@ class FbqlValue(HeldDecisions):
         drivers = np.array(trajectory.drivers, dtype=np.int64)
         total = self._values[active].sum(axis=1)
         theta, shared = total[:, :-1], total[:, -1]
-        weights = eq.soft_weights_of_all(theta, self._temperature, self._exploration)
+        weights = eq.soft_weights_of_all(theta, self._temperature, self._exploration, np.array(trajectory.masks))
         q = eq.values_of_all(theta, shared, weights)
         if trajectory.terminated:
             q[-1] = 0.0

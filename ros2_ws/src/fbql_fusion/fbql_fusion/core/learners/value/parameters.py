@@ -6,20 +6,14 @@ from dataclasses import dataclass
 
 from fbql_common.core.parameters import owned_by, parameter
 
-from fbql_fusion.core.learners.parameters import PLAYS, FeatureParameters
+from fbql_fusion.core.learners.parameters import PLAYS, ROUNDED, FeatureParameters
 
 
 @owned_by("fbql_value")
 @dataclass(frozen=True)
-class FbqlValueParameters(FeatureParameters):
-    """The parameters of eqs. 16 to 20 in `docs/fusion.md`. The defaults were chosen on training seeds and tree sets."""
+class ValueParameters(FeatureParameters):
+    """The parameters of eqs. 16 to 20 in `docs/fusion.md`, in any task."""
 
-    fbql_value_hold_steps: int = parameter(
-        8, "steps for which fbql_value holds a decision while it learns", low=1, high=1000
-    )
-    fbql_value_play_steps: int = parameter(
-        8, "steps for which fbql_value holds a decision when it does not learn", low=1, high=1000
-    )
     fbql_value_play: str = parameter(
         "held",
         "how fbql_value plays when it does not learn: the behavior with the largest weight drives, one drawn by the "
@@ -33,11 +27,8 @@ class FbqlValueParameters(FeatureParameters):
         low=0,
         high=1_000_000,
     )
-    fbql_value_reward_collision: float = parameter(
-        -0.1, "reward of a collision for fbql_value, once when it begins", low=-1e9, high=1e9
-    )
 
-    fbql_value_discount: float = parameter(0.997, "gamma of fbql_value, per step", low=0.0, high=1.0)
+    fbql_value_discount: float = parameter(0.997, "gamma of fbql_value, per fbql_discount_period_s", low=0.0, high=1.0)
     fbql_value_trace: float = parameter(0.95, "lambda of eq. 20, per decision", low=0.0, high=1.0)
     fbql_value_temperature_first: float = parameter(0.03, "tau of eq. 16 at the start", low=1e-6, high=1e9)
     fbql_value_temperature_last: float = parameter(0.01, "value to which tau of eq. 16 decays", low=1e-6, high=1e9)
@@ -56,3 +47,33 @@ class FbqlValueParameters(FeatureParameters):
     )
     fbql_value_passes: int = parameter(8, "passes of fbql_value over a batch", low=1, high=100)
     fbql_value_minibatch: int = parameter(128, "decisions in a minibatch of fbql_value", low=1, high=100_000)
+
+    @property
+    def fbql_value_durations_s(self) -> tuple[float, float]:
+        """How long a decision is held while fbql_value learns, and when it does not [s]."""
+        raise NotImplementedError
+
+
+@owned_by("fbql_value")
+@dataclass(frozen=True)
+class FbqlValueParameters(ValueParameters):
+    """Those of soccer as well. The defaults were chosen on training seeds and tree sets."""
+
+    fbql_value_hold_s: float = parameter(
+        0.133, f"time for which fbql_value holds a decision while it learns{ROUNDED}", unit="s", low=0.0, high=1000.0
+    )
+    fbql_value_play_s: float = parameter(
+        0.133,
+        f"time for which fbql_value holds a decision when it does not learn{ROUNDED}",
+        unit="s",
+        low=0.0,
+        high=1000.0,
+    )
+    fbql_value_reward_collision: float = parameter(
+        -0.1, "reward of a collision for fbql_value, once when it begins", low=-1e9, high=1e9
+    )
+
+    @property
+    def fbql_value_durations_s(self) -> tuple[float, float]:
+        """See `ValueParameters`."""
+        return self.fbql_value_hold_s, self.fbql_value_play_s

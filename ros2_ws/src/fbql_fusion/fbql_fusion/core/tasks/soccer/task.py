@@ -7,7 +7,7 @@ from fbql_common.core.field import WHEELS
 from fbql_common.core.types import WheelCommand, World, made_of
 from fbql_recording.core.metrics import EpisodeRecord, step_bytes
 
-from fbql_fusion.core.tasks.interface import Episode, Outcome
+from fbql_fusion.core.tasks.interface import Answers, Episode, Outcome
 from fbql_fusion.core.tasks.soccer.critic import WIDTHS, critic_inputs
 
 GOAL, OWN_GOAL, TIMEOUT = Outcome("goal", True), Outcome("own_goal", False), Outcome("timeout", False)
@@ -22,6 +22,8 @@ class SoccerTask:
     """
 
     space = WHEELS
+    period_s = 1.0 / 60.0
+    observed_lengths = None
     critic_widths = WIDTHS
 
     def __init__(self, goal: float, own_goal: float, collision: float) -> None:
@@ -35,6 +37,10 @@ class SoccerTask:
         """No collision yet."""
         self._collisions_begun = 0
         self._collision_steps = 0
+
+    def observed(self, world: World, answers: Answers) -> tuple[tuple[float, ...], ...]:
+        """What each behavior senses; empty where it did not answer."""
+        return tuple([() if x is None else x.observation for x in answers])
 
     def reward(self, world: World) -> float:
         """Of a collision that begins, and of a goal."""
