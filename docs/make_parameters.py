@@ -16,8 +16,16 @@ from fbql_behaviors.core.induction import InductionParameters
 from fbql_behaviors.core.teleop import TeleopParameters
 from fbql_behaviors.twist_behavior_node import TwistBehaviorParameters
 from fbql_common.core.parameters import Limits, defaults_of, limits_of, types_of
-from fbql_fusion.core.mux.parameters import LockParameters, MuxParameters, SourceParameters
+from fbql_fusion.core.mux.parameters import (
+    AxisParameters,
+    LearnedMuxParameters,
+    LockParameters,
+    MuxParameters,
+    ObservationParameters,
+    SourceParameters,
+)
 from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.core.tasks.twist.parameters import MuxLearningParameters
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.simulator_node import SimulatorNodeParameters
@@ -67,6 +75,19 @@ SECTIONS = (
     Section("The mux", "Node `twist_mux`. [mux.md](mux.md) explains them.", MuxParameters),
     Section("The sources of a mux", "Node `twist_mux`, as `topics.NAME.PARAMETER` for each source.", SourceParameters),
     Section("The locks of a mux", "Node `twist_mux`, as `locks.NAME.PARAMETER` for each lock.", LockParameters),
+    Section("A mux that learns", "Node `twist_mux`: what it is connected to, and what it keeps.", LearnedMuxParameters),
+    Section("What a mux learns", "Node `twist_mux`: how it decides and learns.", MuxLearningParameters),
+    Section(
+        "The observations of a mux",
+        "Node `twist_mux`, as `observations.NAME.PARAMETER` for each observation.",
+        ObservationParameters,
+    ),
+    Section(
+        "The axes of a mux",
+        "Node `twist_mux`, as `axes.NAME.PARAMETER` for each axis; without any: `linear_x` from -1 to 1 m/s and `angular_z` "
+        "from -2 to 2 rad/s.",
+        AxisParameters,
+    ),
     Section(
         "The node of a tree from a bag",
         "Node `twist_behavior`. [bags.md](bags.md) explains it.",

@@ -11,10 +11,12 @@ import fbql_sim.programs
 import pytest
 from fbql_behaviors.behavior_node import BehaviorNodeParameters
 from fbql_behaviors.core.teleop import TeleopParameters
+from fbql_behaviors.twist_behavior_node import TwistBehaviorParameters
 from fbql_common.core.parameters import limits_of
 from fbql_common.node_help import asks_for_help
-from fbql_fusion.core.mux.parameters import MuxParameters
+from fbql_fusion.core.mux.parameters import LearnedMuxParameters, MuxParameters
 from fbql_fusion.core.parameters import FusionParameters
+from fbql_fusion.core.tasks.twist.parameters import MuxLearningParameters
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.simulator_node import SimulatorNodeParameters
@@ -28,7 +30,8 @@ from fbql_sim.simulator_node import SimulatorNodeParameters
         (fbql_behaviors.programs.behavior, (BehaviorNodeParameters,)),
         (fbql_behaviors.programs.teleop, (TeleopParameters,)),
         (fbql_fusion.programs.fusion, (FusionNodeParameters, FusionParameters)),
-        (fbql_fusion.programs.twist_mux, (MuxParameters,)),
+        (fbql_fusion.programs.twist_mux, (MuxParameters, LearnedMuxParameters, MuxLearningParameters)),
+        (fbql_behaviors.programs.twist_behavior, (TwistBehaviorParameters,)),
     ],
 )
 def test_help_names_every_parameter_with_its_meaning_and_starts_nothing(

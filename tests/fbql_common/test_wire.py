@@ -4,6 +4,7 @@ import math
 
 import pytest
 from fbql_common import wire
+from fbql_common.core.mux_types import MuxDecision, RobotOutcome
 from fbql_common.core.twist import StampedTwist, Twist
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from hypothesis import given
@@ -48,6 +49,23 @@ DECISIONS = st.builds(
     st.booleans(),
     st.lists(FINITE, max_size=4).map(tuple),
 )
+FLOATS = st.lists(FINITE, max_size=4).map(tuple)
+MUX_DECISIONS = DECISIONS.flatmap(
+    lambda decision: st.builds(
+        MuxDecision,
+        *map(st.just, decision),
+        st.booleans(),
+        st.booleans(),
+        NAMES,
+        FLOATS,
+        st.lists(st.booleans(), max_size=4).map(tuple),
+        FLOATS,
+        FLOATS,
+        NAMES,
+        FLOATS,
+    )
+)
+OUTCOMES = st.builds(RobotOutcome, STAMPS, FINITE, st.booleans(), st.booleans(), NAMES)
 TWISTS = st.builds(Twist, *[FINITE] * 6)
 PAIRS = [
     (WORLDS, wire.encode_world, wire.decode_world),
@@ -57,12 +75,18 @@ PAIRS = [
     (TWISTS, wire.encode_twist, wire.decode_twist),
     (st.builds(StampedTwist, STAMPS, NAMES, TWISTS), wire.encode_stamped_twist, wire.decode_stamped_twist),
     (st.booleans(), wire.encode_flag, wire.decode_flag),
+    (FINITE, wire.encode_number, wire.decode_number),
+    (OUTCOMES, wire.encode_outcome, wire.decode_outcome),
+    (MUX_DECISIONS, wire.encode_mux_decision, wire.decode_mux_decision),
 ]
 
 WORLD = World(1_234_567_890, 3, 17, -1.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, *[True, False] * 3)
 OUTPUT = BehaviorOutput(5, 1, 2, "ball_seeking", 1.0, 2.0, 3, 110, "ab" * 32, True, (0.5, 0.25))
 COMMAND = WheelCommand(5, 1, 2, 1.5, -2.5)
 DECISION = Decision(5, 1, 2, "fbql", 1, ("a", "b"), (1, 2), (0.1, 0.2), (0.3, 0.7), 1, -5.0, True, (0.4, 0.6))
+MUX_DECISION = MuxDecision(
+    *DECISION, True, False, "success", (1.0, 2.0), (True, False), (0.1, 0.2, 0.3, 0.4), (0.5, -1.0), "joy", (0.7, 0.8)
+)
 TWIST = Twist(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 
 
@@ -78,13 +102,22 @@ def test_we_read_our_own_bytes_and_the_middleware_reads_them_and_we_read_its(val
     check()
 
 
-@pytest.mark.parametrize("value", [WORLD, OUTPUT, COMMAND, DECISION])
+ENCODE = {
+    World: wire.encode_world,
+    BehaviorOutput: wire.encode_output,
+    WheelCommand: wire.encode_command,
+    Decision: wire.encode_decision,
+    MuxDecision: wire.encode_mux_decision,
+}
+
+
+@pytest.mark.parametrize("value", [WORLD, OUTPUT, COMMAND, DECISION, MUX_DECISION])
 def test_fields_arrive_under_their_own_names(value):
-    encode = {World: wire.encode_world, BehaviorOutput: wire.encode_output, WheelCommand: wire.encode_command}
-    data = encode.get(type(value), wire.encode_decision)(value)
+    data = ENCODE[type(value)](value)
     message = deserialize_message(data, wire.MESSAGES[type(value)])
     stamp = message.header.stamp
-    assert (stamp.sec * 10**9 + stamp.nanosec, message.header.frame_id) == (value.stamp_ns, "field")
+    frame = "" if isinstance(value, MuxDecision) else "field"
+    assert (stamp.sec * 10**9 + stamp.nanosec, message.header.frame_id) == (value.stamp_ns, frame)
     for name in value._fields[1:]:
         got, expected = getattr(message, name), getattr(value, name)
         assert (tuple(got) if isinstance(expected, tuple) else got) == expected, name
@@ -95,6 +128,12 @@ def test_a_number_that_is_not_finite_is_rejected(bad):
     for field in World._fields[3:15]:
         with pytest.raises(wire.Rejected, match="not finite"):
             wire.decode_world(wire.encode_world(WORLD._replace(**{field: bad})))
+    for data, decode in (
+        (wire.encode_number(bad), wire.decode_number),
+        (wire.encode_outcome(RobotOutcome(0, bad)), wire.decode_outcome),
+    ):
+        with pytest.raises(wire.Rejected, match="not finite"):
+            decode(data)
     for field in ("left_rad_s", "right_rad_s"):
         with pytest.raises(wire.Rejected, match="not finite"):
             wire.decode_output(wire.encode_output(OUTPUT._replace(**{field: bad})))
@@ -157,5 +196,15 @@ def test_no_message_that_a_node_receives_has_a_quaternion_that_could_be_wrong(me
     """Poses come in as x, y and yaw. An input takes no other types, and a pose of geometry_msgs is only ever published."""
     kinds = {kind.removeprefix("sequence<").removesuffix(">") for kind in message.get_fields_and_field_types().values()}
     velocities = {"geometry_msgs/Twist", "geometry_msgs/Vector3"}
-    plain = {"std_msgs/Header", "double", "int32", "int64", "uint8", "boolean", "string", "octet"}
+    plain = {
+        "std_msgs/Header",
+        "builtin_interfaces/Time",
+        "double",
+        "int32",
+        "int64",
+        "uint8",
+        "boolean",
+        "string",
+        "octet",
+    }
     assert kinds <= plain | velocities, kinds

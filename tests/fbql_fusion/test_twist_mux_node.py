@@ -254,7 +254,7 @@ GOOD = entry()
         ("    use_stamped: false", "there is no source of commands; give each as topics.NAME"),
         (GOOD + "    use_stamped: 1", "parameter 'use_stamped' must be bool"),
         (GOOD + "    zero_when_locked: always", ".*choose one of: never, once, repeat"),
-        (GOOD + "    learn: true", "unknown parameter 'learn'"),
+        (GOOD + "    lern: true", "unknown parameter 'lern'"),
     ],
 )
 def test_an_error_in_a_file_is_one_line_that_names_the_node(bench, tmp_path, body, reason):

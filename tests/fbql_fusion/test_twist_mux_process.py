@@ -113,9 +113,15 @@ TIMEOUT_S = 1.0
 VICTIM, FALLBACK = Source("victim", "victim_vel", TIMEOUT_S, 20), Source("fallback", "fallback_vel", TIMEOUT_S, 10)
 
 
-def end_sources(mux, bench, domain, how):
+LEARNING = "\n".join(
+    ["", "    learn: true", "    controller: priorities", "    hold_s: 0.0", "    decision_period_s: 0.05"]
+)
+"""Of a mux that decides at ticks, by the priorities."""
+
+
+def end_sources(mux, bench, domain, how, more=""):
     """Ends a source's process again and again, as `how` says, while another one of a lower priority goes on."""
-    _, sources = mux(file_of((VICTIM, FALLBACK)))
+    _, sources = mux(file_of((VICTIM, FALLBACK)) + more)
     ages_s = []
 
     def fall_back():
@@ -153,11 +159,24 @@ def test_no_command_of_a_source_that_was_killed_or_hangs_is_passed_on_after_its_
     end_sources(mux, bench, domain, [signal.SIGKILL, signal.SIGSTOP])
 
 
+def test_nor_is_one_where_it_is_learned_whom_to_follow(mux, bench, domain, tmp_path):
+    run = f"\n    run_directory: {tmp_path / 'run'}"
+    end_sources(mux, bench, domain, [signal.SIGKILL, signal.SIGSTOP], LEARNING + run)
+
+
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_no_command_of_fifty_sources_that_were_killed_or_hang_is_passed_on_after_its_timeout(mux, bench, domain):
     signals = cycle([signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
     end_sources(mux, bench, domain, [next(signals) for _ in range(50)])
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_nor_of_fifty_where_it_is_learned_whom_to_follow(mux, bench, domain, tmp_path):
+    signals = cycle([signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
+    run = f"\n    run_directory: {tmp_path / 'run'}"
+    end_sources(mux, bench, domain, [next(signals) for _ in range(50)], LEARNING + run)
 
 
 def test_a_bad_file_ends_the_mux_with_one_line(start_node, tmp_path):

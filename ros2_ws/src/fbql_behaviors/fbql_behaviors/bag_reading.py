@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput, in_one_line
+from fbql_common.core.field_path import parse_path
 from fbql_common.files import read_file
 from fbql_recording.plain_yaml import from_yaml
 from mcap.stream_reader import StreamReader
 
 from fbql_behaviors.core.bag_patterns import Event
 from fbql_behaviors.core.bag_spec import TWIST, TWIST_STAMPED, Spec, spec_of
-from fbql_behaviors.core.field_path import parse_path
 from fbql_behaviors.core.senses import Senses
 
 MAX_SPEC_BYTES = 2**20

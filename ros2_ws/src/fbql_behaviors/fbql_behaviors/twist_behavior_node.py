@@ -43,6 +43,9 @@ class TwistBehaviorParameters:
     frame: str = parameter("base_link", "frame of the header of a TwistStamped")
 
 
+PARAMETERS = (TwistBehaviorParameters,)
+
+
 class TwistBehaviorNode(GraphNode):
     """A tree of any robot as a source of velocity commands."""
 

@@ -14,13 +14,16 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from fbql_msgs.msg import BehaviorOutput as BehaviorOutputMsg
 from fbql_msgs.msg import FusionDecision as FusionDecisionMsg
+from fbql_msgs.msg import MuxDecision as MuxDecisionMsg
+from fbql_msgs.msg import Outcome as OutcomeMsg
 from fbql_msgs.msg import WheelCommand as WheelCommandMsg
 from fbql_msgs.msg import WorldState as WorldStateMsg
 from geometry_msgs.msg import Twist as TwistMsg
 from geometry_msgs.msg import TwistStamped, Vector3
-from std_msgs.msg import Bool, Header
+from std_msgs.msg import Bool, Float64, Header
 
 from fbql_common.core.cdr import Codec, Malformed
+from fbql_common.core.mux_types import MuxDecision, RobotOutcome
 from fbql_common.core.twist import StampedTwist, Twist
 from fbql_common.core.types import FIELD_FRAME, BehaviorOutput, Decision, WheelCommand, World
 
@@ -33,6 +36,9 @@ MESSAGES = {
     Twist: TwistMsg,
     StampedTwist: TwistStamped,
     bool: Bool,
+    float: Float64,
+    MuxDecision: MuxDecisionMsg,
+    RobotOutcome: OutcomeMsg,
 }
 """The message that carries each domain type."""
 _NESTED = {
@@ -72,6 +78,9 @@ _DECISION = Codec(_kinds(FusionDecisionMsg))
 _TWIST = Codec(_kinds(TwistMsg))
 _STAMPED_TWIST = Codec(_kinds(TwistStamped))
 _FLAG = Codec(_kinds(Bool))
+_NUMBER = Codec(_kinds(Float64))
+_MUX_DECISION = Codec(_kinds(MuxDecisionMsg))
+_OUTCOME = Codec(_kinds(OutcomeMsg))
 
 
 def _header(stamp_ns: int) -> tuple[int, int, str]:
@@ -202,3 +211,41 @@ def encode_flag(flag: bool) -> bytes:
 def decode_flag(data: bytes) -> bool:
     """CDR of std_msgs/Bool -> bool. Raises Rejected: malformed."""
     return _values(_FLAG, data)[0]
+
+
+def encode_number(number: float) -> bytes:
+    """float -> CDR of std_msgs/Float64. Raises TypeError."""
+    return _NUMBER.encode((number,))
+
+
+def decode_number(data: bytes) -> float:
+    """CDR of std_msgs/Float64 -> float. Raises Rejected: malformed, or not finite."""
+    number: float = _values(_NUMBER, data)[0]
+    if not isfinite(number):
+        raise Rejected("the number is not finite")
+    return number
+
+
+def encode_outcome(outcome: RobotOutcome) -> bytes:
+    """RobotOutcome -> CDR of fbql_msgs/Outcome. Raises TypeError."""
+    return _OUTCOME.encode((outcome.stamp_ns // NS, outcome.stamp_ns % NS, *outcome[1:]))
+
+
+def decode_outcome(data: bytes) -> RobotOutcome:
+    """CDR of fbql_msgs/Outcome -> RobotOutcome. Raises Rejected: malformed, or with a reward that is not finite."""
+    sec, nanosec, *values = _values(_OUTCOME, data)
+    outcome = RobotOutcome(sec * NS + nanosec, *values)
+    if not isfinite(outcome.reward):
+        raise Rejected("the reward is not finite")
+    return outcome
+
+
+def encode_mux_decision(decision: MuxDecision) -> bytes:
+    """MuxDecision -> CDR of fbql_msgs/MuxDecision. Raises TypeError."""
+    return _MUX_DECISION.encode((decision.stamp_ns // NS, decision.stamp_ns % NS, "", *decision[1:]))
+
+
+def decode_mux_decision(data: bytes) -> MuxDecision:
+    """CDR of fbql_msgs/MuxDecision -> MuxDecision. Raises Rejected: malformed."""
+    sec, nanosec, _, *values = _values(_MUX_DECISION, data)
+    return MuxDecision(sec * NS + nanosec, *values)

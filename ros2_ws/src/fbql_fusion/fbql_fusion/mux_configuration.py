@@ -14,13 +14,22 @@ from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.validate_topic_name import validate_topic_name
 
-from fbql_fusion.core.mux.config import HIGHEST, MuxConfig, mux_config
-from fbql_fusion.core.mux.parameters import LockParameters, MuxParameters, SourceParameters
+from fbql_fusion.core.mux.config import HIGHEST, MuxConfig
+from fbql_fusion.core.mux.learning import GROUPS, MuxDescription
+from fbql_fusion.core.mux.parameters import (
+    LearnedMuxParameters,
+    LockParameters,
+    MuxParameters,
+    ObservationParameters,
+    SourceParameters,
+)
+from fbql_fusion.core.tasks.twist.parameters import MuxLearningParameters
 
 
 class MuxConfiguration(NamedTuple):
     """What a mux node is made of."""
 
+    description: MuxDescription
     config: MuxConfig
     stamped_output: bool
     stamped_sources: frozenset[str]
@@ -35,19 +44,25 @@ def configure_mux(node: Node) -> MuxConfiguration:
         or the mux's own output.
     """
     where = node.get_fully_qualified_name()
-    (settings,) = declare_all(node, MuxParameters, groups={"topics": SourceParameters, "locks": LockParameters})
-    sources = declare_group(node, "topics", SourceParameters, stamped=settings.use_stamped)
-    locks = declare_group(node, "locks", LockParameters)
+    settings, learned, learning = declare_all(
+        node, MuxParameters, LearnedMuxParameters, MuxLearningParameters, groups=GROUPS
+    )
+    topics = declare_group(node, "topics", SourceParameters, stamped=settings.use_stamped)
+    others = {name: declare_group(node, name, kind) for name, kind in GROUPS.items() if name != "topics"}
     try:
-        config = mux_config(settings, _resolve(node, "topics", sources), _resolve(node, "locks", locks))
+        named = {name: _resolve(node, name, others[name]) for name in ("locks", "observations")}
+        mux = MuxDescription(settings, learned, learning, _resolve(node, "topics", topics), **(others | named))
+        config = mux.config
         _refuse_a_loop(config, node.resolve_topic_name(MUX_OUTPUT))
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
-    stamped = frozenset(name for name, source in sources.items() if source.stamped)
-    return MuxConfiguration(config, settings.use_stamped, stamped)
+    stamped = frozenset(name for name, source in topics.items() if source.stamped)
+    return MuxConfiguration(mux, config, settings.use_stamped, stamped)
 
 
-def _resolve[P: (SourceParameters, LockParameters)](node: Node, prefix: str, entries: Mapping[str, P]) -> dict[str, P]:
+def _resolve[P: (SourceParameters, LockParameters, ObservationParameters)](
+    node: Node, prefix: str, entries: Mapping[str, P]
+) -> dict[str, P]:
     found: dict[str, P] = {}
     for name, entry in entries.items():
         try:

@@ -41,6 +41,7 @@ from fbql_recording.run_directory import (
     software_versions,
 )
 from fbql_recording.run_files import MAX_TEXT_BYTES
+from rclpy.qos import QoSProfile
 
 from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.node_parameters import FusionNodeParameters
@@ -72,7 +73,8 @@ class RunRecorder:
         self._session = session
         self._closed = False
         self._begun_s: float | None = None
-        self.path, is_new = _directory(parameters, session)
+        fusion = session.parameters
+        self.path, is_new = directory_of_run(parameters.run_directory, fusion.controller, fusion.seed)
         with removed_on_failure(self.path) if is_new else nullcontext():
             self._begin(parameters, resolve, report)
 
@@ -172,15 +174,14 @@ class RunRecorder:
         return INCOMPLETE if self.incomplete else DONE
 
 
-def _directory(parameters: FusionNodeParameters, session: SoccerSession) -> tuple[Path, bool]:
-    """The run directory, and whether it was made here."""
-    if parameters.run_directory:
-        path = Path(parameters.run_directory).absolute()
+def directory_of_run(given: str, controller: str, seed: int) -> tuple[Path, bool]:
+    """The run directory that a parameter names, or else a new one in runs/, and whether it was made here. Raises BadInput."""
+    if given:
+        path = Path(given).absolute()
         is_new = not path.exists()
         if is_new:
             create_run_directory(path)
         return path, is_new
-    fusion = session.parameters
     runs = Path.cwd() / "runs"
     try:
         runs.mkdir(exist_ok=True)
@@ -188,7 +189,7 @@ def _directory(parameters: FusionNodeParameters, session: SoccerSession) -> tupl
         raise BadInput(
             f"{runs}: can't be created ({error.strerror}); {remedy(error)}: parameter run_directory"
         ) from None
-    return create_next_run_directory(runs, f"{datetime.now():%Y%m%d-%H%M%S}-{fusion.controller}-s{fusion.seed}"), True
+    return create_next_run_directory(runs, f"{datetime.now():%Y%m%d-%H%M%S}-{controller}-s{seed}"), True
 
 
 def _config(parameters: FusionNodeParameters, session: SoccerSession, launcher_file: str) -> dict[str, Any]:
@@ -229,18 +230,16 @@ def _own_code(config: Mapping[str, Any]) -> list[Attachment]:
 
 
 def _channels(behaviors: Sequence[str], resolve: Callable[[str], str]) -> list[Channel]:
+    topics = [(WORLD, World), *((behavior_topic(name), BehaviorOutput) for name in behaviors)]
+    topics += [(WHEEL_COMMAND, WheelCommand), (DECISION, Decision)]
+    return [channel_of(resolve(topic), kind, STEP_QOS) for topic, kind in topics]
+
+
+def channel_of(topic: str, kind: type[Any], qos: QoSProfile) -> Channel:
+    """How a topic of this domain type is recorded."""
+
     def share(package: str) -> Path:
         return Path(get_package_share_directory(package))
 
-    topics = [(WORLD, World), *((behavior_topic(name), BehaviorOutput) for name in behaviors)]
-    topics += [(WHEEL_COMMAND, WheelCommand), (DECISION, Decision)]
-    return [
-        Channel(
-            resolve(topic),
-            type_name(kind),
-            schema_text(type_name(kind), share),
-            type_hash(type_name(kind), share),
-            qos_of(STEP_QOS),
-        )
-        for topic, kind in topics
-    ]
+    name = type_name(kind)
+    return Channel(topic, name, schema_text(name, share), type_hash(name, share), qos_of(qos))

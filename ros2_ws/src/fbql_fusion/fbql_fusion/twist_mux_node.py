@@ -1,9 +1,10 @@
 """The mux node: velocity commands of several sources come in, those of the source that wins go out.
 
-Owns: the clock, who drives. Does not own: the rules (fbql_fusion.core.mux). Subscribes each
-`topics.NAME.topic` and `locks.NAME.topic`; publishes `cmd_vel_out`, `~/driver`, `/diagnostics`. Parameters: `MuxParameters`,
-`SourceParameters`, `LockParameters` (fbql_fusion.core.mux.parameters). A YAML file for twist_mux works unchanged
-(docs/mux.md).
+Owns: the clock, who drives. Does not own: the rules (fbql_fusion.core.mux), what is learned (mux_learning). Subscribes each
+`topics.NAME.topic` and `locks.NAME.topic`; publishes `cmd_vel_out`, `~/driver`, `/diagnostics`; with `learn` or `policy` also
+subscribes each `observations.NAME.topic`, `outcome` and `reward`, publishes `fusion/decision`, and serves `~/save_policy`.
+Parameters: `MuxParameters`, `LearnedMuxParameters`, `SourceParameters`, `LockParameters`, `ObservationParameters`, `AxisParameters`
+(fbql_fusion.core.mux.parameters), `MuxLearningParameters`. A YAML file for twist_mux works unchanged (docs/mux.md).
 """
 
 from __future__ import annotations
@@ -31,9 +32,12 @@ from fbql_common.wire import (
 from rclpy.logging import LoggingSeverity
 from std_msgs.msg import String
 
+from fbql_fusion.core.mux.learned import LearnedMux, Ticked
 from fbql_fusion.core.mux.mux import Mux
-from fbql_fusion.core.mux.parameters import MuxParameters
+from fbql_fusion.core.mux.parameters import LearnedMuxParameters, MuxParameters
+from fbql_fusion.core.tasks.twist.parameters import MuxLearningParameters
 from fbql_fusion.mux_configuration import configure_mux, log_mux
+from fbql_fusion.mux_learning import MuxLearning
 from fbql_fusion.mux_status import diagnostics_of
 
 _LOOK_PERIOD_S = 0.05
@@ -44,7 +48,7 @@ _SAY_PERIOD_NS = 1_000_000_000
 _NOBODY = ""
 
 
-PARAMETERS = (MuxParameters,)
+PARAMETERS = (MuxParameters, LearnedMuxParameters, MuxLearningParameters)
 
 
 class TwistMuxNode(GraphNode):
@@ -78,6 +82,16 @@ class TwistMuxNode(GraphNode):
             else Input(self, Twist, source.topic, decode_twist, partial(self._on_twist, index), SYSTEM_QOS)
             for index, source in enumerate(config.sources)
         ]
+        self._learning: MuxLearning | None = None
+        self._decide: LearnedMux | Mux = self._mux
+        """What says whether a command is passed on."""
+        self._kept: dict[int, tuple[Twist | StampedTwist, bytes]] = {}
+        """The last command of each source that was not passed on; only where a tick may still do so."""
+        if configured.description.is_learned:
+            self._learning = MuxLearning(self, configured.description, self._mux, self._now_ns, self._act)
+            self._decide = self._learning.mux
+        elif configured.description.learned.record:
+            self.get_logger().warning("nothing is recorded, because nothing is decided: set learn or policy")
         self._checked = 0
         self._look_timer = steady_timer(self, _LOOK_PERIOD_S, self._look)
         self._diagnostics_timer = steady_timer(self, _DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
@@ -92,16 +106,40 @@ class TwistMuxNode(GraphNode):
 
     def _on_twist(self, index: int, twist: Twist, data: bytes) -> None:
         if self._hear(index, twist):
-            self._publisher.publish(self._stamp(twist) if self._stamped else data)
+            self._send(twist, data)
+        elif self._learning is not None:
+            self._kept[index] = twist, data
 
     def _on_stamped(self, index: int, stamped: StampedTwist, data: bytes) -> None:
         if self._hear(index, stamped.twist):
-            self._frame = stamped.frame
-            self._publisher.publish(data if self._stamped else encode_twist(stamped.twist))
+            self._send(stamped, data)
+        elif self._learning is not None:
+            self._kept[index] = stamped, data
+
+    def _send(self, command: Twist | StampedTwist, data: bytes) -> None:
+        """Publishes a command that came as these bytes."""
+        if isinstance(command, StampedTwist):
+            self._frame = command.frame
+            self._publish(data if self._stamped else encode_twist(command.twist))
+        else:
+            self._publish(self._stamp(command) if self._stamped else data)
+
+    def _publish(self, data: bytes) -> None:
+        self._publisher.publish(data)
+        if self._learning is not None and self._learning.run is not None:
+            self._learning.run.record_command(data, self.get_clock().now().nanoseconds)
+
+    def _act(self, ticked: Ticked) -> None:
+        """Publishes what follows from a decision."""
+        if ticked.pass_on is not None:
+            self._note_driver(self._mux.config.sources[ticked.pass_on].name)
+            self._send(*self._kept[ticked.pass_on])
+        elif ticked.send is not None:
+            self._publish(self._stamp(ticked.send) if self._stamped else encode_twist(ticked.send))
 
     def _hear(self, index: int, twist: Twist) -> bool:
         now_ns = self._now_ns()
-        passed = self._mux.hear(index, twist, now_ns)
+        passed = self._decide.hear(index, twist, now_ns)
         if passed:
             self._note_driver(self._mux.config.sources[index].name)
         if self._says_each:
@@ -123,7 +161,7 @@ class TwistMuxNode(GraphNode):
 
     def _stop_if_locked(self, now_ns: int) -> None:
         if self._mux.zero_due(now_ns):
-            self._publisher.publish(self._stamp(Twist()) if self._stamped else encode_twist(Twist()))
+            self._publish(self._stamp(Twist()) if self._stamped else encode_twist(Twist()))
 
     # Who drives
 
@@ -154,6 +192,10 @@ class TwistMuxNode(GraphNode):
         self._checked += 1
         if each.publishers() == 0:
             each.check_types()
+
+    def close(self) -> None:
+        if self._learning is not None:
+            self._learning.close()
 
 
 def main() -> int:

@@ -24,7 +24,7 @@ from fbql_common.core.recording_names import (
 
 from fbql_recording.bag_agreement import compare, told_by
 from fbql_recording.core.columns import Columns, Recorded, columns_of
-from fbql_recording.core.decoding import TYPES, MessageCodec
+from fbql_recording.core.decoding import MUX_DECISION, TYPES, MessageCodec
 from fbql_recording.core.episodes import Episode, episodes_of
 from fbql_recording.core.steps import Key, Step, StepData, StepJoin, key_of
 from fbql_recording.mcap.reader import Corrupt, McapFile, Message, Topic, Window
@@ -129,6 +129,16 @@ class Run:
         if not isinstance(found, dict):
             raise BadInput(f"{self.directory}/summary.json: not a JSON object")
         return found
+
+    @property
+    def is_of_mux(self) -> bool:
+        """Whether it is of a mux of velocity commands, and not of a match."""
+        return any(topic.type_name == MUX_DECISION for topic in self.topics.values())
+
+    def require_match(self) -> None:
+        """Raises BadInput for a run of a mux, which has no field, ball or wheels."""
+        if self.is_of_mux:
+            raise BadInput(f"{self.path}: a run of a mux, and not of a match; replay can verify and publish it")
 
     # What is wrong with it
 

@@ -27,7 +27,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.files import append_whole, check_output, remedy, write_atomically
 
 from fbql_recording.bag_metadata import to_yaml
-from fbql_recording.core.metrics import EpisodeRecord, Summary
+from fbql_recording.core.metrics import EpisodeRecord, Summary, TaskSummary
 
 EPISODE_COLUMNS = ("index", "phase", "seed", "outcome", "steps", "collisions_begun", "collision_steps", "return")
 ROOM_BYTES = 64 * 1024
@@ -168,7 +168,7 @@ class RunDirectory:
 
         return self._guarded("policy.npz", write)
 
-    def write_summary(self, summary: Summary) -> None:
+    def write_summary(self, summary: Summary | TaskSummary) -> None:
         """Writes summary.json, completely or not at all; `incomplete` is set if any write failed before."""
         values = summary._asdict()
         values["incomplete"] = summary.incomplete or self.failed
@@ -225,9 +225,9 @@ def own_revision() -> str:
     return "unknown" if tree is None else git_revision(tree)
 
 
-def custom_data(config: Mapping[str, Any]) -> dict[str, str]:
-    """A recording's description of its run, from the run's configuration."""
-    fusion = config["parameters"]["fusion"]
+def custom_data(config: Mapping[str, Any], node: str = "fusion") -> dict[str, str]:
+    """A recording's description of its run, from the run's configuration. `node`: the one that decides."""
+    fusion = config["parameters"][node]
     return {
         "controller": str(fusion["controller"]),
         "seed": str(fusion["seed"]),

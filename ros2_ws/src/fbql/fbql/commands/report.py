@@ -51,6 +51,7 @@ def parser(program: str) -> Parser:
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Writes the page. Returns 0, or 3 if the recording is incomplete."""
     run = open_run(arguments.run, skip_corrupt=arguments.skip_corrupt)
+    run.require_match()
     out = arguments.out or default_page(run.path)
     figures = out.with_name(f"{out.stem}-figures") if arguments.figures else None
     for path in (out, figures):

@@ -11,10 +11,9 @@ import json
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass
-from struct import pack
+from dataclasses import asdict
 from time import monotonic
-from typing import Any, NamedTuple
+from typing import Any
 
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.cdr import Malformed
@@ -34,6 +33,8 @@ from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import register_observations, unused_observations
 from fbql.cli.output import LiveLine, complain, print_result
+from fbql.replay.differences import Difference, Differs, Verification, compared
+from fbql.replay.mux_verification import verify_mux
 from fbql.replay.recomputation import (
     OutOfPlace,
     RecordedBehaviors,
@@ -46,53 +47,6 @@ from fbql.replay.recomputation import (
 )
 
 _PROGRESS_STEPS = 4096
-
-
-@dataclass(frozen=True)
-class Difference:
-    """The first difference from what was recorded."""
-
-    index: int
-    """Index of the step in the recording, from 0."""
-    episode: int
-    step: int
-    stamp_ns: int
-    what: str
-    """The message and its field, in words: "weights of the decision"."""
-    recorded: Any
-    recomputed: Any
-
-    @property
-    def words(self) -> str:
-        """In one line."""
-        return (
-            f"episode {self.episode}, step {self.step} (at {self.stamp_ns / 1e9:.3f} s): {self.what}: "
-            f"recorded {self.recorded}, recomputed {self.recomputed}"
-        )
-
-
-class Verification(NamedTuple):
-    """The result of recomputing a run."""
-
-    steps: int
-    """Identical steps, of those that were recomputed as a whole."""
-    difference: Difference | None
-    digest: str | None
-    """Of the recomputed steps; None without a session."""
-    not_recomputed: dict[str, int]
-    """By behavior: answers that were taken as recorded, because they can't be recomputed."""
-    unfinished: int
-    """Steps with missing messages before a gap, or at the end of a recording that was cut off; not compared."""
-    gap: str | None
-    """The step after the first gap of a recovered recording, in words."""
-    answers_only: int = 0
-    """Steps of which only the behaviors' answers were recomputed, and are identical: after a gap, or without a session."""
-    resumed: str | None = None
-    """The step after the first gap from which on everything was recomputed again, in words."""
-    draws_as_recorded: int = 0
-    """Random draws of a driver after a gap that were taken as recorded: the number of lost draws is unknown."""
-    answers: int = 0
-    """Answers that were recomputed."""
 
 
 def verify(
@@ -195,7 +149,7 @@ class _Verifier:
             world: World = self._world.decode(data.data[0])
             for place, recorded in enumerate(data.data[1:-2]):
                 output = self._answer(place, world, recorded) if recorded else None
-                if isinstance(output, _Differs):
+                if isinstance(output, Differs):
                     return self._differs(data, f"the answer of {self._run.behaviors[place]}", output)
         except Malformed as error:
             raise Corrupt(f"{self._run.path}: episode {data.episode}, step {data.step}: {error}") from None
@@ -216,7 +170,7 @@ class _Verifier:
                     outputs.append(None)
                     continue
                 output = self._answer(place, world, recorded)
-                if isinstance(output, _Differs):
+                if isinstance(output, Differs):
                     return self._differs(data, f"the answer of {self._run.behaviors[place]}", output)
                 outputs.append(output)
             if self._drawing is not None:
@@ -229,13 +183,13 @@ class _Verifier:
             ("the decision", self._decision, decision, parts[-1]),
             ("the command", self._command, command, parts[-2]),
         ):
-            differs = _compared(codec, value, recorded)
+            differs = compared(codec, value, recorded)
             if differs is not None:
                 return self._differs(data, what, differs)
         self._recorded.left(world.ended)
         return None
 
-    def _answer(self, place: int, world: World, recorded: bytes) -> BehaviorOutput | _Differs:
+    def _answer(self, place: int, world: World, recorded: bytes) -> BehaviorOutput | Differs:
         """The recomputed answer; the recorded one where it can't be recomputed."""
         codec = self._output
         assert codec is not None
@@ -254,14 +208,14 @@ class _Verifier:
             return as_recorded
         self._answers_made += 1
         output = behavior.answer(world)
-        return _compared(codec, output, recorded) or output
+        return compared(codec, output, recorded) or output
 
     def _missing(self, data: StepData) -> Difference:
         parts = {"world state": 0, "command": -2, "decision": -1}
         lacking = [name for name, place in parts.items() if not data.data[place]]
         return self._difference(data, "messages", f"no {' and no '.join(lacking)}", "all of them")
 
-    def _differs(self, data: StepData, of: str, differs: _Differs) -> Difference:
+    def _differs(self, data: StepData, of: str, differs: Differs) -> Difference:
         what = f"{differs.field} of {of}"
         return self._difference(data, what, differs.recorded, differs.recomputed)
 
@@ -273,12 +227,6 @@ def _words_of(data: StepData) -> str:
     return f"episode {data.episode}, step {data.step} (at {data.stamp_ns / 1e9:.3f} s)"
 
 
-class _Differs(NamedTuple):
-    field: str
-    recorded: Any
-    recomputed: Any
-
-
 def _codec(run: Run, name: str) -> MessageCodec[Any]:
     codec = run.codec(f"fbql_msgs/msg/{name}")
     if codec is None:
@@ -286,39 +234,10 @@ def _codec(run: Run, name: str) -> MessageCodec[Any]:
     return codec
 
 
-def _compared(codec: MessageCodec[Any], value: Any, recorded: bytes) -> _Differs | None:
-    """The first field, in causal order, whose bits differ from the recorded ones."""
-    if codec.is_ours and codec.encode(value) == recorded:
-        return None
-    there = codec.decode(recorded)
-    names = sorted(
-        set(value._fields) - codec.missing, key=lambda name: _CAUSES.index(name) if name in _CAUSES else len(_CAUSES)
-    )
-    for name in names:
-        was, is_now = getattr(there, name), getattr(value, name)
-        if _bits(was) != _bits(is_now):
-            return _Differs(name, was, is_now)
-    return None
-
-
-_CAUSES = (
-    *("observation", "leaf_id", "left_rad_s", "right_rad_s"),
-    *("joint_state", "reward", "q", "learned_weights", "weights", "driver"),
-)
-"""Fields in causal order: each may depend on those before it; the others come last."""
-
-
-def _bits(value: Any) -> Any:
-    """A value to compare bit by bit: -0.0 is not 0.0, and NaN equals NaN."""
-    if isinstance(value, float):
-        return pack("<d", value)
-    if isinstance(value, tuple):
-        return tuple(map(_bits, value))  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
-    return value
-
-
 def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Verifies a run and prints the result. Returns 0 if it is identical, else 1. Raises BadInput, Interrupted."""
+    if run.is_of_mux:
+        return _report(run, arguments, interrupts, lambda progress: verify_mux(run, progress), {}, "", [])
     controller = resolve_controller(arguments.controller).name if arguments.controller else ""
     trees, sources = recorded_trees(run), register_observations(arguments.observation)
     for note in unused_observations(sources, {tree.behavior for tree in trees.values()}):
@@ -330,6 +249,27 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
         if controller not in ("", parameters.controller):
             raise BadInput(f"--controller {arguments.controller}: the run's controller is '{parameters.controller}'")
         session = SoccerSession(parameters, recorded_policy(run))
+    recompute = lambda progress: verify(run, session, behaviors, progress)  # noqa: E731
+    return _report(run, arguments, interrupts, recompute, behaviors.missing, lost, notes)
+
+
+def _report(
+    run: Run,
+    arguments: argparse.Namespace,
+    interrupts: Interrupts,
+    recompute: Callable[[Callable[[int], None]], Verification],
+    missing: Mapping[str, str],
+    lost: str,
+    notes: list[str],
+) -> int:
+    """Recomputes a run and prints the result.
+
+    Args:
+        recompute: does it; is given what to call now and then with the number of steps done.
+        missing: why answers of a behavior can't be recomputed, by its name; filled meanwhile.
+        lost: what is lost of the inputs of the decisions, in words.
+        notes: how this release's parameters differ.
+    """
     total = max(run.counts.values(), default=0)
     begun_s = monotonic()
     with closing(LiveLine()) as line:
@@ -338,7 +278,7 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
             interrupts.check()
             line.show(f"verified {steps} of {total} steps, {steps / (monotonic() - begun_s):.0f} steps/s")
 
-        found = verify(run, session, behaviors, progress)
+        found = recompute(progress)
     if found.steps + found.answers_only == 0 and found.difference is None:
         raise BadInput(f"{run.path}: no step in it; there is nothing to verify")
     if lost and not found.answers:
@@ -351,7 +291,7 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
         values = _values(run, found, difference, notes, seconds)
         print_result(json.dumps({**values, "decisions_not_recomputed": lost or None}))
     else:
-        print_result(_words(found, difference, behaviors.missing, lost, notes, seconds))
+        print_result(_words(found, difference, missing, lost, notes, seconds))
     return DONE if difference is None else FAILED
 
 

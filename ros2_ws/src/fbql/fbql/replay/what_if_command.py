@@ -44,6 +44,7 @@ _ENDLESS = {"episodes": 0, "goals": 0}
 def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Recomputes a run with the changes that the arguments make, and prints the differences. Returns 0. Raises
     BadInput."""
+    run.require_match()
     controller = resolve_controller(arguments.controller).name if arguments.controller else ""
     recorded, notes = recorded_parameters(run)
     parameters = _changed(recorded, arguments, controller)

@@ -23,9 +23,9 @@ from typing import Any, NamedTuple, cast
 
 from fbql_common.core.command_space import Axis, CommandSpace
 from fbql_common.core.errors import BadInput
+from fbql_common.core.field_path import FieldPath, parse_path
 from fbql_common.core.geometry import wrap_bearing
 
-from fbql_behaviors.core.field_path import FieldPath, parse_path
 from fbql_behaviors.core.levels import class_count
 from fbql_behaviors.core.observation import Feature
 from fbql_behaviors.core.tree import Tree, check_features, check_space

@@ -56,3 +56,8 @@ def prepare() -> None:
     """Compiles the kernels, if that is possible and has not been done: something is about to learn."""
     while _compilers:
         _compilers.pop()()
+
+
+def leave_interpreted() -> None:
+    """Makes `prepare` do nothing from now on, for a process that must not pause for the seconds that compiling takes."""
+    _compilers.clear()

@@ -13,6 +13,8 @@ DIAGNOSTICS = "/diagnostics"
 CMD_VEL = "cmd_vel"
 MUX_OUTPUT = "cmd_vel_out"
 MUX_DRIVER = "~/driver"
+OUTCOME = "outcome"
+REWARD = "reward"
 RESET_EPISODE = "simulator/reset_episode"
 
 

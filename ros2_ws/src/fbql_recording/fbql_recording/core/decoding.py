@@ -11,6 +11,7 @@ from typing import Any, get_type_hints
 
 from fbql_common.core.cdr import Codec, Malformed
 from fbql_common.core.errors import BadInput
+from fbql_common.core.mux_types import MuxDecision
 from fbql_common.core.types import FIELD_FRAME, BehaviorOutput, Decision, WheelCommand, World
 
 from fbql_recording.core.ros2msg import MessageField, fields_of
@@ -22,7 +23,11 @@ TYPES: dict[str, type[Any]] = {
     "fbql_msgs/msg/WheelCommand": WheelCommand,
     "fbql_msgs/msg/FusionDecision": Decision,
 }
-"""The domain type of each message type."""
+"""The domain type of each message type of a step of soccer."""
+MUX_DECISION = "fbql_msgs/msg/MuxDecision"
+_KINDS = {**TYPES, MUX_DECISION: MuxDecision}
+_FRAMES = {MUX_DECISION: ""}
+"""The frame of messages that are not in the field's."""
 
 _HEADER = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
 _INTEGERS = frozenset(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))
@@ -38,7 +43,7 @@ class MessageCodec[T]:
     """Turns recorded bytes of one message type into a domain type, and the domain type into bytes again.
 
     Args:
-        type_name: pkg/msg/Name, one of `TYPES`.
+        type_name: pkg/msg/Name, one of `TYPES`, or MUX_DECISION.
         schema: the ros2msg text of the recording.
 
     Raises:
@@ -46,7 +51,8 @@ class MessageCodec[T]:
     """
 
     def __init__(self, type_name: str, schema: str) -> None:
-        self.kind: type[T] = TYPES[type_name]
+        self.kind: type[T] = _KINDS[type_name]
+        self._frame = _FRAMES.get(type_name, FIELD_FRAME)
         fields = fields_of(type_name, schema)
         try:
             self._codec = Codec([field.kind for field in fields])
@@ -67,7 +73,7 @@ class MessageCodec[T]:
         """The domain type.
 
         Raises:
-            Malformed: not such a message, a stamp that is not a valid time, or a frame other than the field's.
+            Malformed: not such a message, a stamp that is not a valid time, or another frame than its kind's.
         """
         values: list[Any] = self._codec.decode(data)
         if self._pick is not None:
@@ -75,8 +81,8 @@ class MessageCodec[T]:
         sec, nanosec, frame = values[:3]
         if sec < 0 or nanosec >= NS:
             raise Malformed(f"the stamp ({sec} s, {nanosec} ns) is not a valid time")
-        if frame != FIELD_FRAME:
-            raise Malformed(f"frame_id is '{frame}', expected '{FIELD_FRAME}'")
+        if frame != self._frame:
+            raise Malformed(f"frame_id is '{frame}', expected '{self._frame}'")
         values[:3] = (sec * NS + nanosec,)
         return self._make(values)
 
@@ -85,7 +91,7 @@ class MessageCodec[T]:
         if not self.is_ours:
             raise TypeError("the recorded message has other fields than ours")
         values: Any = value
-        return self._codec.encode((values[0] // NS, values[0] % NS, FIELD_FRAME, *values[1:]))
+        return self._codec.encode((values[0] // NS, values[0] % NS, self._frame, *values[1:]))
 
 
 def _places(kind: type[Any], fields: Sequence[MessageField], type_name: str) -> list[int | None]:

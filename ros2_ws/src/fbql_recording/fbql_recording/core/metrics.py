@@ -13,7 +13,9 @@ from typing import NamedTuple
 
 from fbql_common.core.types import Phase, World
 
-OUTCOMES = ("goal", "own_goal", "timeout")
+SUCCESS, TIMEOUT = "success", "timeout"
+OUTCOMES = ("goal", "own_goal", TIMEOUT)
+"""Those of soccer."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class EpisodeRecord:
     phase: Phase
     seed: int
     outcome: str
-    """One of OUTCOMES."""
+    """One of OUTCOMES; in other tasks success, timeout, or a word for a failure."""
     steps: int
     collisions_begun: int
     collision_steps: int
@@ -85,6 +87,68 @@ def summarise(
         success_rate=goals / len(counted) if counted else None,
         cost_per_goal=sum(record.steps for record in counted) / goals if goals else None,
         mean_steps_per_goal=sum(steps_to_goal) / goals if goals else None,
+        collisions_begun=sum(record.collisions_begun for record in counted),
+        collision_steps=sum(record.collision_steps for record in counted),
+        steps=steps,
+        wall_s=wall_s,
+        steps_per_s=steps / wall_s if wall_s else None,
+        digest=digest,
+        messages_recorded=messages_recorded,
+        incomplete=incomplete,
+    )
+
+
+class TaskSummary(NamedTuple):
+    """The result of a run of another task than soccer, with the outcomes success, timeout and any other word for a failure. None as
+    in `Summary`."""
+
+    controller: str
+    seed: int
+    episodes: int
+    successes: int
+    failures: int
+    timeouts: int
+    success_rate: float | None
+    """successes / episodes"""
+    cost_per_success: float | None
+    """All steps of all episodes / successes."""
+    mean_steps_per_success: float | None
+    """Steps of the episodes that ended in a success / successes."""
+    collisions_begun: int
+    collision_steps: int
+    steps: int
+    wall_s: float | None
+    steps_per_s: float | None
+    digest: str
+    messages_recorded: int
+    incomplete: bool
+
+
+def summarise_task(
+    controller: str,
+    seed: int,
+    records: Sequence[EpisodeRecord],
+    steps: int,
+    digest: str,
+    wall_s: float | None = None,
+    messages_recorded: int = 0,
+    incomplete: bool = False,
+) -> TaskSummary:
+    """The same for another task than soccer."""
+    counted = [record for record in records if record.phase is not Phase.GUIDED]
+    steps_to_success = [record.steps for record in counted if record.outcome == SUCCESS]
+    successes = len(steps_to_success)
+    timeouts = sum(record.outcome == TIMEOUT for record in counted)
+    return TaskSummary(
+        controller=controller,
+        seed=seed,
+        episodes=len(counted),
+        successes=successes,
+        failures=len(counted) - successes - timeouts,
+        timeouts=timeouts,
+        success_rate=successes / len(counted) if counted else None,
+        cost_per_success=sum(record.steps for record in counted) / successes if successes else None,
+        mean_steps_per_success=sum(steps_to_success) / successes if successes else None,
         collisions_begun=sum(record.collisions_begun for record in counted),
         collision_steps=sum(record.collision_steps for record in counted),
         steps=steps,

@@ -98,12 +98,30 @@ class Mux:
 
     def hear(self, index: int, command: Twist, now_ns: int) -> bool:
         """Takes a command of source `index`, received now. Returns whether to pass it on."""
-        source = self._sources[index]
-        source.heard_ns, source.command = now_ns, command
+        self.take(index, command, now_ns)
         if self.winner(now_ns) != index:
             return False
-        self._last, self._zero_ns = index, None
+        self.passed_on(index)
         return True
+
+    def take(self, index: int, command: Twist, now_ns: int) -> None:
+        """Takes a command of source `index`, received now, where somebody else decides whether it is passed on."""
+        source = self._sources[index]
+        source.heard_ns, source.command = now_ns, command
+
+    def passed_on(self, index: int) -> None:
+        """Notes that a command of source `index` is passed on."""
+        self._last, self._zero_ns = index, None
+
+    def last(self, index: int, now_ns: int) -> tuple[Twist | None, int]:
+        """The last command of source `index` and its age [ns]; None before the first."""
+        source = self._sources[index]
+        return source.command, 0 if source.heard_ns is None else now_ns - source.heard_ns
+
+    def may_drive(self, index: int, now_ns: int) -> bool:
+        """Whether a source is not masked, and not of priority 0."""
+        source = self._sources[index]
+        return source.rank > 0 and not source.expired(now_ns) and source.rank >= self.lock_priority(now_ns)
 
     def hear_lock(self, index: int, on: bool, now_ns: int) -> None:
         """Takes a message of lock `index`, received now."""

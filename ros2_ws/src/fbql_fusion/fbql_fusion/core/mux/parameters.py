@@ -48,6 +48,75 @@ class SourceParameters:
         False,
         "whether it sends geometry_msgs/TwistStamped instead of geometry_msgs/Twist; if not given, as use_stamped",
     )
+    guide_observation: str = parameter(
+        "",
+        "for a mux that learns: the priorities take this source only while this observation is within its limits; empty: always",
+    )
+    guide_low: float = parameter(-1e12, "lowest value of guide_observation", low=-1e12, high=1e12)
+    guide_high: float = parameter(1e12, "highest value of guide_observation", low=-1e12, high=1e12)
+
+
+@dataclass(frozen=True)
+class ObservationParameters:
+    """Parameters of an observation, observations.NAME."""
+
+    topic: str = parameter("", "topic of the messages", required=True)
+    type: str = parameter("", "their type, such as sensor_msgs/msg/LaserScan", required=True)
+    field: str = parameter(
+        "",
+        "path of a number in them, such as ranges[0:24].min or pose.pose.orientation.yaw (docs/bags.md)",
+        required=True,
+    )
+    low: float = parameter(0.0, "lowest value; one below, or -Inf, counts as this", low=-1e12, high=1e12, required=True)
+    high: float = parameter(
+        0.0, "highest value; one above, or +Inf, counts as this", low=-1e12, high=1e12, required=True
+    )
+    unit: str = parameter("", "unit of the value, for people")
+    max_age_s: float = parameter(
+        0.5, "an observation whose last message is older is not known; 0: any age", unit="s", low=0.0, high=1e6
+    )
+    group: str = parameter(
+        "",
+        "observations of the same group are learned together, as distance and bearing of a point; empty: a group of its own",
+    )
+
+
+@dataclass(frozen=True)
+class AxisParameters:
+    """Parameters of an axis of the commands, axes.NAME, where NAME is linear_x, linear_y, linear_z, angular_x, angular_y or angular_z."""
+
+    low: float = parameter(
+        0.0, "lowest velocity; one below counts as this, but is passed on as it is", low=-1e6, high=1e6, required=True
+    )
+    high: float = parameter(0.0, "highest velocity", low=-1e6, high=1e6, required=True)
+    levels: int = parameter(5, "classes of the velocity, by which the mux knows what a source wants", low=2, high=100)
+
+
+@dataclass(frozen=True)
+class LearnedMuxParameters:
+    """How a mux that learns is connected, and what it keeps."""
+
+    policy: str = parameter("", "policy.npz to play, or to continue learning from; empty: none")
+    safety_priority: int = parameter(
+        100,
+        "sources at or above this priority drive whenever they win, as in twist_mux; what is learned never overrules them, nor a lock",
+        low=0,
+        high=256,
+    )
+    reward_topic: str = parameter("reward", "topic of a std_msgs/Float64 that is added to the reward")
+    segment_s: float = parameter(
+        60.0,
+        "where nobody publishes an Outcome, so that no episode ends: time after which an episode is cut, and learned from",
+        unit="s",
+        low=0.1,
+        high=1e6,
+    )
+    record: bool = parameter(False, "whether decisions and commands are recorded to MCAP")
+    run_directory: str = parameter(
+        "",
+        "directory of the run: a new one, or an existing one without a recording; empty: runs/TIME-CONTROLLER-sSEED in the working "
+        "directory if something is learned or recorded",
+    )
 
 
 @dataclass(frozen=True)

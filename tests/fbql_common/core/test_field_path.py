@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fbql_behaviors.core.field_path import parse_path
 from fbql_common.core.errors import BadInput
+from fbql_common.core.field_path import parse_path
 
 
 @dataclass

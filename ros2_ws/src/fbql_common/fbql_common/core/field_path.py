@@ -18,6 +18,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
+
 from fbql_common.core.errors import BadInput
 
 _PART = re.compile(r"([A-Za-z]\w*)((?:\[[^\[\]]*\])*)\Z")

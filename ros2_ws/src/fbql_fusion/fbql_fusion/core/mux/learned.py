@@ -1,0 +1,206 @@
+"""A mux whose choice among ordinary sources is learned. The rules of `Mux` hold all the same: what is learned chooses only among the
+sources that they leave, and never over one at or above `safety_priority`.
+
+At each tick a decision is made on a snapshot of what is known then. The source that it names drives until the next tick: its commands
+are passed on when they arrive, and the last one before the tick with the tick, if it had not been passed on. So each command is
+passed on at most once, and only while its source may drive.
+
+As in `Mux`, the caller passes the time.
+"""
+
+from __future__ import annotations
+
+from math import nan
+from typing import NamedTuple
+
+from fbql_common.core.mux_types import MuxDecision, RobotOutcome
+from fbql_common.core.twist import Twist
+
+from fbql_fusion.core.mux.config import rank
+from fbql_fusion.core.mux.mux import Mux
+from fbql_fusion.core.mux.robot import Robot
+from fbql_fusion.core.mux.snapshot import Snapshot
+from fbql_fusion.core.mux_session import MuxSession
+from fbql_fusion.core.tasks.twist.answers import SourceLeaves
+
+SILENT_NS = 1_000_000_000
+"""A source without a timeout counts as silent after this, where it is learned whom to follow [ns]."""
+_NS = 1e9
+
+
+class Ticked(NamedTuple):
+    """What a tick decided, and what is to be published because of it."""
+
+    decision: MuxDecision
+    pass_on: int | None = None
+    """The source whose last command is to be passed on now."""
+    send: Twist | None = None
+    """A command to send: a blend, or 0 because an episode ended."""
+
+
+class LearnedMux:
+    """Chooses by a session.
+
+    Args:
+        mux: knows the sources and locks, and their rules.
+        session: decides; its behaviors name the sources that it chooses among.
+        robot: its axes and observations.
+        safety_priority: sources at or above it are not chosen: they win.
+        segment_s: see `LearnedMuxParameters`.
+    """
+
+    def __init__(self, mux: Mux, session: MuxSession, robot: Robot, safety_priority: int, segment_s: float) -> None:
+        self._mux = mux
+        self._session = session
+        self._robot = robot
+        self._safety = safety_priority
+        self._leaves = SourceLeaves(robot.space)
+        names = [source.name for source in mux.config.sources]
+        self._sources = [names.index(name) for name in session.behaviors]
+        """Place in the mux of each source that may be chosen."""
+        self._never_expires = [source.timeout_s <= 0 for source in mux.config.sources]
+        self._chosen: int | None = None
+        """Place in the mux of the source that drives until the next tick."""
+        self._fresh = [False] * len(names)
+        """Whether the last command of a source has not been passed on."""
+        self._values = [nan] * len(robot.observations)
+        self._heard_ns = [0] * len(robot.observations)
+        self._outcomes: list[RobotOutcome] = []
+        self._segment_ns = round(segment_s * _NS)
+        self._begun_ns = 0
+        self._episode = -1
+        self._step = -1
+        self.has_episodes = False
+        """Whether somebody says when episodes end; otherwise they are cut after segment_s."""
+        self.is_done = False
+        """Whether all episodes that were asked for have been played: there are no further decisions."""
+
+    @property
+    def session(self) -> MuxSession:
+        """What decides."""
+        return self._session
+
+    def hear(self, index: int, command: Twist, now_ns: int) -> bool:
+        """Takes a command of source `index`, received now. Returns whether to pass it on."""
+        mux = self._mux
+        mux.take(index, command, now_ns)
+        winner = mux.winner(now_ns)
+        if winner is not None and self._is_safe(winner):
+            passes = index == winner
+        else:
+            passes = index == self._chosen and mux.may_drive(index, now_ns)
+        self._fresh[index] = not passes
+        if passes:
+            mux.passed_on(index)
+        return passes
+
+    def hear_observation(self, place: int, value: float, now_ns: int) -> None:
+        """Takes the value of an observation of the robot, received now."""
+        self._values[place] = self._robot.observations[place].clamped(value)
+        self._heard_ns[place] = now_ns
+
+    def hear_outcome(self, outcome: RobotOutcome) -> None:
+        """Takes what was achieved; it counts for the time before the next tick. What comes after the end of an episode counts for the
+        next one."""
+        self.has_episodes = True
+        self._outcomes.append(outcome)
+
+    def hear_reward(self, reward: float) -> None:
+        """Takes a reward of the time before the next tick."""
+        self._outcomes.append(RobotOutcome(0, reward))
+
+    def tick(self, now_ns: int, stamp_ns: int) -> list[Ticked]:
+        """Decides who drives from now on.
+
+        A tick at which an episode is cut has two decisions: one that ends it, on which nobody drives, and the first of the next.
+
+        Args:
+            now_ns: by the clock that ages are measured with.
+            stamp_ns: of the decision.
+
+        Raises:
+            BadInput: the policy does not belong to these sources.
+        """
+        if self._episode < 0:
+            begun = None if self.is_done else self._session.next_episode()
+            if begun is None:
+                self.is_done, self._chosen = True, None
+                return []
+            self._episode, self._step, self._begun_ns = begun[0], -1, now_ns
+        is_cut = not self.has_episodes and now_ns - self._begun_ns >= self._segment_ns
+        ticked = [self._decide(self._snapshot(now_ns, stamp_ns, is_cut), now_ns)]
+        if is_cut and self._episode < 0:
+            ticked[0] = Ticked(ticked[0].decision)
+            ticked += self.tick(now_ns, stamp_ns)
+        return ticked
+
+    def _snapshot(self, now_ns: int, stamp_ns: int, is_cut: bool) -> Snapshot:
+        mux = self._mux
+        winner = mux.winner(now_ns)
+        overruled_by = mux.config.sources[winner].name if winner is not None and self._is_safe(winner) else ""
+        active: list[bool] = []
+        commands: list[float] = []
+        ages_s: list[float] = []
+        for index in self._sources:
+            twist, age_ns = mux.last(index, now_ns)
+            is_silent = twist is None or (self._never_expires[index] and not 0 <= age_ns <= SILENT_NS)
+            active.append(not is_silent and not overruled_by and mux.may_drive(index, now_ns))
+            commands += self._robot.on_axes(twist or Twist())
+            ages_s.append(-1.0 if twist is None else age_ns / _NS)
+        reward, terminated, truncated, outcome = self._take_outcomes()
+        self._step += 1
+        return Snapshot(
+            stamp_ns,
+            self._episode,
+            self._step,
+            reward,
+            terminated,
+            truncated or (is_cut and not terminated),
+            outcome,
+            self._observed(now_ns),
+            tuple(active),
+            tuple(commands),
+            tuple(ages_s),
+            overruled_by,
+        )
+
+    def _observed(self, now_ns: int) -> tuple[float, ...]:
+        return tuple(
+            [
+                value if not each.max_age_ns or 0 <= now_ns - heard_ns <= each.max_age_ns else nan
+                for value, heard_ns, each in zip(self._values, self._heard_ns, self._robot.observations, strict=True)
+            ]
+        )
+
+    def _take_outcomes(self) -> tuple[float, bool, bool, str]:
+        """Reward, terminated, truncated and outcome since the last tick, up to the first end of an episode. At the first tick of an
+        episode nothing has been achieved yet: what came before belongs to no decision."""
+        reward, terminated, truncated, outcome = 0.0, False, False, ""
+        if self._step < 0:
+            self._outcomes.clear()
+        while self._outcomes and not (terminated or truncated):
+            _, more, terminated, truncated, outcome = self._outcomes.pop(0)
+            reward += more
+        return reward, terminated, truncated and not terminated, outcome
+
+    def _decide(self, snapshot: Snapshot, now_ns: int) -> Ticked:
+        answers = snapshot.answers(self._leaves)
+        command, decision = self._session.decide(snapshot.moment(self._robot.lengths), answers)
+        made = snapshot.decided(decision, command)
+        drove = self._chosen is not None
+        self._chosen = None
+        if snapshot.terminated or snapshot.truncated:
+            self._episode = -1
+            return Ticked(made, send=Twist() if drove and not snapshot.overruled_by else None)
+        if decision.driver >= 0:
+            self._chosen = index = self._sources[decision.driver]
+            if self._fresh[index]:
+                self._fresh[index] = False
+                self._mux.passed_on(index)
+                return Ticked(made, pass_on=index)
+        elif any(snapshot.active) and not snapshot.overruled_by:
+            return Ticked(made, send=self._robot.twist(command))
+        return Ticked(made)
+
+    def _is_safe(self, index: int) -> bool:
+        return rank(self._mux.config.sources[index]) >= self._safety

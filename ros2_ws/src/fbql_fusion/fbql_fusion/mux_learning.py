@@ -1,0 +1,186 @@
+"""The part of the mux node that learns, or plays a policy: observations, outcomes and a clock come in, decisions go out.
+
+Owns: the ticks, the run directory. Does not own: the sources, the locks and the commands (twist_mux_node).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from fbql_common.core.errors import BadInput
+from fbql_common.core.kernels import leave_interpreted
+from fbql_common.core.mux_types import MuxDecision, RobotOutcome
+from fbql_common.core.text import one_line
+from fbql_common.core.topic_names import DECISION, OUTCOME
+from fbql_common.inputs import Input
+from fbql_common.message_types import message_class
+from fbql_common.qos import STEP_QOS
+from fbql_common.spin import BAD_INPUT, GraphNode
+from fbql_common.watch import steady_timer
+from fbql_common.wire import MESSAGES, decode_number, decode_outcome, encode_mux_decision
+from fbql_msgs.srv import SavePolicy
+from rclpy.qos import qos_profile_sensor_data
+
+from fbql_fusion.core.mux.learned import LearnedMux, Ticked
+from fbql_fusion.core.mux.learning import MuxDescription, session_of
+from fbql_fusion.core.mux.mux import Mux
+from fbql_fusion.mux_recorder import MuxRecorder
+from fbql_fusion.policy_storage import load_policy, save_policy
+
+_FLUSH_PERIOD_S = 0.5
+_LOOK_PERIOD_S = 1.0
+_WARN_PERIOD_NS = 5_000_000_000
+
+
+class MuxLearning:
+    """Makes a `LearnedMux` of a node's parameters, and lets it decide at each tick.
+
+    Args:
+        now_ns: the clock that ages are measured with.
+        act: called with each decision, to publish what follows from it.
+
+    Raises:
+        BadInput: parameters that are wrong, a policy that can't be used, or a message type that is not installed.
+    """
+
+    def __init__(
+        self,
+        node: GraphNode,
+        description: MuxDescription,
+        mux: Mux,
+        now_ns: Callable[[], int],
+        act: Callable[[Ticked], None],
+    ) -> None:
+        self._node = node
+        self._now_ns = now_ns
+        self._act = act
+        learned = description.learned
+        try:
+            policy = load_policy(Path(learned.policy)) if learned.policy else None
+            session = session_of(description, policy)
+            self._observations = description.robot.observations
+            self._kinds = {each.topic: _message_class(each.type_name) for each in self._observations}
+        except BadInput as error:
+            raise BadInput(f"{node.get_fully_qualified_name()}: {error}") from None
+        self.mux = LearnedMux(mux, session, description.robot, learned.safety_priority, learned.segment_s)
+        self._session = session
+        complain = lambda text: node.get_logger().error(one_line(text))  # noqa: E731
+        keeps = session.is_learning or learned.record or learned.run_directory
+        self.run = MuxRecorder(description, session, node.resolve_topic_name, complain) if keeps else None
+
+        self._publisher = node.create_publisher(MESSAGES[MuxDecision], DECISION, STEP_QOS)
+        self._sensors = [
+            node.create_subscription(kind, topic, partial(self._on_message, topic), qos_profile_sensor_data)
+            for topic, kind in self._kinds.items()
+        ]
+        self._outcomes = Input(node, RobotOutcome, OUTCOME, decode_outcome, self._on_outcome, STEP_QOS)
+        self._rewards = Input(node, float, learned.reward_topic, decode_number, self._on_reward, STEP_QOS)
+        node.create_service(SavePolicy, "~/save_policy", self._on_save_policy)
+        period_s = description.learning.decision_period_s
+        # In simulated time a tick belongs to a time of /clock; else to the steady clock, which is never set.
+        sim = node.get_clock().ros_time_is_active
+        if session.is_learning and not sim:
+            leave_interpreted()  # a joystick would not be heard meanwhile
+        self._tick_timer = node.create_timer(period_s, self._tick) if sim else steady_timer(node, period_s, self._tick)
+        self._look_timer = steady_timer(node, _LOOK_PERIOD_S, self._look)
+        self._flush_timer = None if self.run is None else steady_timer(node, _FLUSH_PERIOD_S, self.run.flush)
+        self._warned_ns = -_WARN_PERIOD_NS
+        self._say_what_it_does()
+
+    def _say_what_it_does(self) -> None:
+        parameters = self._session.parameters
+        how = "learns" if self._session.is_learning else "plays"
+        where = "" if self.run is None else f"; run in {self.run.path}"
+        self._node.get_logger().info(
+            one_line(f"{parameters.controller} {how} which of {', '.join(self._session.behaviors)} drives{where}")
+        )
+
+    # Messages
+
+    def _on_message(self, topic: str, message: Any) -> None:
+        now_ns = self._now_ns()
+        for place, each in enumerate(self._observations):
+            if each.topic == topic:
+                try:
+                    value = each.path.read(message)
+                except BadInput as error:
+                    self._warn(f"observation {each.name}: {topic}: {error}")
+                else:
+                    self.mux.hear_observation(place, value, now_ns)
+
+    def _on_outcome(self, outcome: RobotOutcome, _data: bytes) -> None:
+        self.mux.hear_outcome(outcome)
+
+    def _on_reward(self, reward: float, _data: bytes) -> None:
+        self.mux.hear_reward(reward)
+
+    def _warn(self, text: str) -> None:
+        now_ns = self._now_ns()
+        if not 0 <= now_ns - self._warned_ns < _WARN_PERIOD_NS:
+            self._warned_ns = now_ns
+            self._node.get_logger().warning(one_line(text))
+
+    # Decisions
+
+    def _tick(self) -> None:
+        now_ns, stamp_ns = self._now_ns(), self._node.get_clock().now().nanoseconds
+        try:
+            ticked = self.mux.tick(now_ns, stamp_ns)
+        except BadInput as error:
+            self._node.get_logger().error(one_line(error))
+            self._node.finish(BAD_INPUT)
+            return
+        for each in ticked:
+            self._act(each)
+            data = encode_mux_decision(each.decision)
+            self._publisher.publish(data)
+            if self.run is not None:
+                self.run.record_decision(data, stamp_ns)
+        if self.mux.is_done:
+            self._tick_timer.cancel()
+            if self.run is not None:
+                self.run.close()
+            self._node.finish(0 if self.run is None else self.run.exit_code())
+
+    def _look(self) -> None:
+        """Notices somebody who will say when episodes end."""
+        if not self.mux.has_episodes:
+            self.mux.has_episodes = self._outcomes.publishers() > 0
+        for each in (self._outcomes, self._rewards):
+            each.check_types()
+
+    # What is kept
+
+    def _on_save_policy(self, request: SavePolicy.Request, response: SavePolicy.Response) -> SavePolicy.Response:
+        try:
+            policy = self._session.policy()
+            if policy is None:
+                raise BadInput(f"controller '{self._session.parameters.controller}' has learned nothing to save yet")
+            if not request.path and self.run is None:
+                raise BadInput("there is no run directory; give a path")
+            path = Path(request.path) if request.path else self.run.path / "policy.npz"  # pyright: ignore[reportOptionalMemberAccess]
+            save_policy(path, policy)
+            response.success, response.message = True, str(path)
+        except (BadInput, OSError) as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def close(self) -> None:
+        """Ends the run."""
+        if self.run is not None:
+            self.run.close()
+            summary = self._session.summary()
+            rate = "" if summary.success_rate is None else f", success rate {summary.success_rate:.1%}"
+            self._node.get_logger().info(one_line(f"{summary.episodes} episodes{rate}; run in {self.run.path}"))
+            if self.run.incomplete:
+                self._node.finish(self.run.exit_code())
+
+
+def _message_class(type_name: str) -> type[Any]:
+    found = message_class(type_name)
+    if found is None:
+        raise BadInput(f"message type '{type_name}' is not installed here")
+    return found

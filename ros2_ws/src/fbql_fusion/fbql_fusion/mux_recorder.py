@@ -1,0 +1,122 @@
+"""What a mux that learns writes of a run: the run directory, and the recording of its decisions and commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from time import monotonic
+
+from fbql_common.core.errors import BadInput
+from fbql_common.core.mux_types import MuxDecision
+from fbql_common.core.recording_names import CONFIG, EPISODES, POLICY, POLICY_BEFORE
+from fbql_common.core.topic_names import DECISION, MUX_OUTPUT
+from fbql_common.core.twist import StampedTwist, Twist
+from fbql_common.files import removed_on_failure
+from fbql_common.qos import COMMAND_QOS, STEP_QOS
+from fbql_recording.recorder import Attachment, Recorder
+from fbql_recording.run_directory import RunDirectory, custom_data, own_revision, software_versions
+
+from fbql_fusion.core.mux.learning import MuxDescription
+from fbql_fusion.core.mux_session import MuxSession
+from fbql_fusion.policy_storage import learned_bytes
+from fbql_fusion.run_recorder import DONE, INCOMPLETE, channel_of, directory_of_run
+
+NODE = "twist_mux"
+_DECISION, _COMMAND = 0, 1
+
+
+class MuxRecorder:
+    """Writes the results of a session, and records it if that is asked for. No failure here ever affects control.
+
+    Args:
+        resolve: a relative topic name -> the absolute one.
+        report: called once, with one line, for each thing that could not be stored.
+
+    Raises:
+        BadInput: the run directory can't be made or used.
+    """
+
+    def __init__(
+        self, mux: MuxDescription, session: MuxSession, resolve: Callable[[str], str], report: Callable[[str], None]
+    ) -> None:
+        self._session = session
+        self._closed = False
+        self._begun_s = monotonic()
+        self._episodes = 0
+        parameters = session.parameters
+        self.path, is_new = directory_of_run(mux.learned.run_directory, parameters.controller, parameters.seed)
+        with removed_on_failure(self.path) if is_new else nullcontext():
+            self._begin(replace(mux, learning=parameters), resolve, report)
+
+    def _begin(self, mux: MuxDescription, resolve: Callable[[str], str], report: Callable[[str], None]) -> None:
+        config = {
+            "versions": software_versions(),
+            "git_revision": own_revision(),
+            "parameters": {NODE: mux.values()},
+        }
+        self._directory = RunDirectory(self.path, config, [], report)
+        self._recorder: Recorder | None = None
+        if not mux.learned.record:
+            return
+        try:
+            attachments = [Attachment(CONFIG, "application/yaml", (self.path / CONFIG).read_bytes())]
+            if mux.learned.policy:
+                before = Path(mux.learned.policy).read_bytes()
+                attachments.append(Attachment(POLICY_BEFORE, "application/octet-stream", before))
+            kind = StampedTwist if mux.settings.use_stamped else Twist
+            channels = [
+                channel_of(resolve(DECISION), MuxDecision, STEP_QOS),
+                channel_of(resolve(MUX_OUTPUT), kind, COMMAND_QOS),
+            ]
+            self._recorder = Recorder(self.path, channels, custom_data(config, NODE), attachments, report)
+        except (BadInput, OSError):
+            self._directory.discard()
+            raise
+
+    def record_decision(self, data: bytes, stamp_ns: int) -> None:
+        """Records a decision, and adds the row of an episode that it ended."""
+        if self._recorder is not None:
+            self._recorder.write(_DECISION, data, stamp_ns)
+        for record in self._session.records[self._episodes :]:
+            self._episodes += 1
+            self._directory.add_episode(record)
+            self.flush()
+
+    def record_command(self, data: bytes, stamp_ns: int) -> None:
+        """Records a command that was published."""
+        if self._recorder is not None:
+            self._recorder.write(_COMMAND, data, stamp_ns)
+
+    def flush(self) -> None:
+        """Passes the recording so far to the operating system."""
+        if self._recorder is not None:
+            self._recorder.flush()
+
+    def close(self) -> None:
+        """Finishes policy, recording and summary, in this order. Further calls do nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        attachments: list[Attachment] = []
+        learned = self._directory.write_policy(lambda: learned_bytes(self._session))
+        if learned is not None and not self._directory.failed:
+            attachments.append(Attachment(POLICY, "application/octet-stream", learned))
+        messages = 0
+        if self._recorder is not None:
+            if not self._directory.failed:
+                attachments.append(Attachment(EPISODES, "text/csv", (self.path / EPISODES).read_bytes()))
+            self._recorder.close(attachments)
+            messages = self._recorder.messages
+        self._directory.write_summary(self._session.summary(monotonic() - self._begun_s, messages, self.incomplete))
+        self._directory.close()
+
+    @property
+    def incomplete(self) -> bool:
+        """Whether something that should have been stored was not."""
+        return self._directory.failed or (self._recorder is not None and self._recorder.failed)
+
+    def exit_code(self) -> int:
+        """0, or 3 when the recording is incomplete."""
+        return INCOMPLETE if self.incomplete else DONE

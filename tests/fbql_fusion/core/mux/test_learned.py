@@ -1,0 +1,416 @@
+"""A mux that learns: what is decided holds only among the sources that twist_mux's rules leave, and nothing old is passed on."""
+
+from __future__ import annotations
+
+import re
+from itertools import accumulate
+from math import inf, nan
+from typing import Any
+
+import mux_oracle
+import numpy as np
+import pytest
+import yaml
+from fbql_common.core.errors import BadInput
+from fbql_common.core.mux_types import RobotOutcome
+from fbql_common.core.twist import Twist
+from fbql_fusion.core.mux.config import Lock, Source, rank
+from fbql_fusion.core.mux.learned import SILENT_NS, LearnedMux, Ticked
+from fbql_fusion.core.mux.learning import MuxDescription, description_of, session_of
+from fbql_fusion.core.mux.mux import Mux
+from mux_oracle import STEP_NS, Event, random_schedule
+from places import ROOT
+
+MS = 1_000_000
+PERIOD_NS = 100 * MS
+SUCCESS = RobotOutcome(0, 10.0, terminated=True, outcome="success")
+OBSERVATIONS = {
+    "front": {
+        "topic": "/scan",
+        "type": "sensor_msgs/msg/LaserScan",
+        "field": "ranges[0:9].min",
+        "low": 0.0,
+        "high": 3.0,
+    },
+    "goal": {
+        "topic": "/goal",
+        "type": "std_msgs/msg/Float64",
+        "field": "data",
+        "low": -1.0,
+        "high": 1.0,
+        "max_age_s": 0.0,
+    },
+}
+
+
+def topics(**sources: tuple[float, int]) -> dict[str, Any]:
+    """The parameters of sources, each of (timeout, priority)."""
+    return {
+        name: {"topic": f"/{name}", "timeout": timeout_s, "priority": priority}
+        for name, (timeout_s, priority) in sources.items()
+    }
+
+
+def described(sources: dict[str, Any], locks: dict[str, Any] | None = None, **values: Any) -> MuxDescription:
+    """A mux that learns."""
+    given = {"learn": True, "topics": sources, "locks": locks or {}, "observations": OBSERVATIONS, **values}
+    return description_of(given, "test")
+
+
+def made(description: MuxDescription) -> LearnedMux:
+    """Its mux."""
+    learned = description.learned
+    session = session_of(description, None)
+    mux = Mux(description.config)
+    return LearnedMux(mux, session, description.robot, learned.safety_priority, learned.segment_s)
+
+
+def two(**values: Any) -> LearnedMux:
+    """Of two sources, a and b, below a joystick, under a lock; a is held for ever unless something forces a change."""
+    lock = {"stop": {"topic": "/stop", "timeout": 0.0, "priority": 50}}
+    sources = topics(a=(0.5, 10), b=(0.5, 20), joystick=(0.5, 100))
+    given = {"hold_s": 1000.0, "play_s": 1000.0, "controller": "priorities", "fbql_mirror": False, **values}
+    mux = made(described(sources, lock, **given))
+    mux.has_episodes = True
+    return mux
+
+
+A, B, JOYSTICK = 0, 1, 2
+
+
+def go(speed: float) -> Twist:
+    """A command."""
+    return Twist(speed)
+
+
+def driver(ticked: list[Ticked]) -> int:
+    """Whom the last decision names."""
+    return ticked[-1].decision.driver
+
+
+# Who drives between ticks
+
+
+def test_before_the_first_tick_only_a_source_at_or_above_safety_priority_drives() -> None:
+    mux = two()
+    assert not mux.hear(A, go(0.1), 0)
+    assert mux.hear(JOYSTICK, go(0.2), 0)
+
+
+def test_the_chosen_source_drives_until_the_next_tick_each_command_once() -> None:
+    mux = two()
+    assert not mux.hear(A, go(0.1), 0)
+    assert not mux.hear(B, go(0.2), 0)
+    (ticked,) = mux.tick(1, 1)
+    assert (ticked.decision.driver, ticked.pass_on) == (B, B), (
+        "the priority decides here, and the tick passes its last one on"
+    )
+    assert not mux.hear(A, go(0.1), 2)
+    assert mux.hear(B, go(0.2), 2)
+    (ticked,) = mux.tick(3, 3)
+    assert (ticked.decision.driver, ticked.pass_on, ticked.send) == (B, None, None), "already passed on"
+    (ticked,) = mux.tick(3 + 500 * MS, 4)
+    assert ticked.decision.driver == -1, "both have expired"
+    assert not mux.hear(A, go(0.1), 3 + 501 * MS), "nobody is chosen"
+
+
+def test_a_source_at_or_above_safety_priority_drives_whatever_is_chosen() -> None:
+    mux = two()
+    mux.hear(B, go(0.2), 0)
+    mux.tick(1, 1)
+    assert mux.hear(JOYSTICK, go(0.9), 2)
+    assert not mux.hear(B, go(0.2), 3)
+    (ticked,) = mux.tick(4, 4)
+    assert ticked.decision.overruled_by == "joystick"
+    assert (ticked.decision.driver, ticked.pass_on, ticked.send) == (-1, None, None)
+    assert ticked.decision.active == (False, False)
+    assert not mux.hear(B, go(0.2), 5)
+    later = 2 + 500 * MS + 1
+    assert not mux.hear(B, go(0.3), later), "the joystick has expired, but nobody is chosen before the next tick"
+    (ticked,) = mux.tick(later, later)
+    assert (ticked.decision.driver, ticked.pass_on) == (B, B)
+
+
+def test_a_lock_stops_the_chosen_source_at_once_and_masks_it_in_the_next_decision() -> None:
+    mux = two()
+    mux.hear(B, go(0.2), 0)
+    mux.tick(1, 1)
+    mux._mux.hear_lock(0, on=True, now_ns=2)
+    assert not mux.hear(B, go(0.2), 3)
+    (ticked,) = mux.tick(4, 4)
+    assert (ticked.decision.active, ticked.pass_on) == ((False, False), None)
+    assert mux.hear(JOYSTICK, go(0.2), 5), "it stands above the lock"
+    mux._mux.hear_lock(0, on=False, now_ns=6)
+
+
+def test_what_a_source_said_while_a_lock_was_on_is_passed_on_by_a_later_tick_only_if_it_is_not_too_old() -> None:
+    mux = two()
+    mux._mux.hear_lock(0, on=True, now_ns=0)
+    mux.hear(B, go(0.2), 0)
+    mux._mux.hear_lock(0, on=False, now_ns=1)
+    (ticked,) = mux.tick(500 * MS, 500 * MS)
+    assert ticked.pass_on == B
+    mux.hear(A, go(0.2), 600 * MS)
+    (ticked,) = mux.tick(1101 * MS, 0)
+    assert ticked.decision.driver == -1
+
+
+def test_a_source_without_a_timeout_counts_as_silent_after_a_second() -> None:
+    mux = made(described(topics(a=(0.0, 10), b=(0.5, 5)), controller="priorities"))
+    mux.hear(A, go(0.1), 0)
+    mux.hear(B, go(0.1), SILENT_NS)
+    (ticked,) = mux.tick(SILENT_NS, 1)
+    assert ticked.decision.active == (True, True)
+    (ticked,) = mux.tick(SILENT_NS + 1, 2)
+    assert (ticked.decision.active, ticked.decision.driver) == ((False, True), 1)
+
+
+def test_a_blend_is_sent_at_each_tick_and_nothing_is_passed_on() -> None:
+    mux = two(controller="uniform")
+    mux.hear(A, Twist(0.2, angular_z_rad_s=1.0), 0)
+    mux.hear(B, Twist(0.4, angular_z_rad_s=-1.0), 0)
+    (ticked,) = mux.tick(1, 1)
+    assert ticked.send is not None
+    assert ticked.send == pytest.approx(Twist(0.3))
+    assert not mux.hear(A, go(0.1), 2)
+    assert not mux.hear(B, go(0.1), 2)
+
+
+# Random schedules, against the rules stated a second time
+
+
+def learned_over(seed: int) -> tuple[int, int, int]:
+    """Plays a random schedule with a mux that draws its drivers. Returns how many commands were passed on: of safe sources, of
+    others when they came, of others by a tick."""
+    generator = np.random.default_rng((41, seed))
+    schedule = random_schedule(generator)
+    sources = {source.name: source for source in schedule.config.sources}
+    safety = int(generator.choice([10, 50, 255]))
+    ordinary = [source for source in sources.values() if 0 < rank(source) < safety]
+    if not ordinary:
+        return 0, 0, 0
+    entries = {
+        kind: {each.name: {"topic": each.topic, "timeout": each.timeout_s, "priority": each.priority} for each in found}
+        for kind, found in (("topics", schedule.config.sources), ("locks", schedule.config.locks))
+    }
+    mux = made(
+        described(entries["topics"], entries["locks"], safety_priority=safety, seed=seed, hold_s=0.0, segment_s=0.15)
+    )
+    names, locks = list(sources), [lock.name for lock in schedule.config.locks]
+    counts = [0, 0, 0]
+    last: dict[str, tuple[int, int]] = {}
+    """Time and place of the last command of each source."""
+    passed: set[int] = set()
+
+    def check(name: str, events: list[Event], now_ns: int) -> None:
+        source = sources[name]
+        assert may_drive(source, schedule.config.locks, events, now_ns), f"schedule {seed}"
+        heard_ns, place = last[name]
+        assert source.timeout_s <= 0 or now_ns - heard_ns <= source.timeout_s * 1e9
+        assert place not in passed, "twice"
+        passed.add(place)
+
+    for place, event in enumerate(schedule.events):
+        now_ns, before = event.time_ns, schedule.events[: place + 1]
+        if event.on is not None:
+            mux._mux.hear_lock(locks.index(event.name), event.on, now_ns)
+        else:
+            last[event.name] = now_ns, place
+            drives = mux.hear(names.index(event.name), go(float(place)), now_ns)
+            wins = mux_oracle.driver(schedule.config.sources, schedule.config.locks, before, now_ns)
+            is_safe = wins is not None and rank(sources[wins]) >= safety
+            if rank(sources[event.name]) >= safety:
+                assert drives == (wins == event.name)
+                counts[0] += drives
+            elif drives:
+                assert not is_safe, "learned over a source that is never learned over"
+                check(event.name, before, now_ns)
+                counts[1] += 1
+        for _ in range(int(generator.integers(0, 3))):
+            for ticked in mux.tick(now_ns, now_ns):
+                wins = mux_oracle.driver(schedule.config.sources, schedule.config.locks, before, now_ns)
+                is_safe = wins is not None and rank(sources[wins]) >= safety
+                assert ticked.decision.overruled_by == (wins if is_safe else "")
+                if ticked.pass_on is not None:
+                    assert not is_safe
+                    check(names[ticked.pass_on], before, now_ns)
+                    counts[2] += 1
+            now_ns += STEP_NS if place + 1 == len(schedule.events) else 0
+    return counts[0], counts[1], counts[2]
+
+
+def may_drive(source: Source, locks: tuple[Lock, ...], events: list[Event], now_ns: int) -> bool:
+    """Whether the rules leave a source, by the oracle: alone, it would drive."""
+    return mux_oracle.driver([source], locks, events, now_ns) == source.name
+
+
+def test_in_random_schedules_no_rule_is_ever_learned_over_and_nothing_is_passed_on_twice() -> None:
+    totals = [sum(each) for each in zip(*(learned_over(seed) for seed in range(150)), strict=True)]
+    assert min(totals) > 100, totals
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_in_ten_thousand_random_schedules_no_rule_is_ever_learned_over() -> None:
+    for seed in range(10_000):
+        learned_over(seed)
+
+
+def killed(times: int) -> list[int]:
+    """Kills the driving source again and again; returns the ages of all commands that went out [ns]."""
+    timeout_ns = 200 * MS
+    mux = made(described(topics(a=(0.2, 10), b=(0.2, 20)), fbql_prior=1.0, seed=1))
+    generator = np.random.default_rng(8)
+    now_ns, last, ages = 0, [0, 0], list[int]()
+    for _ in range(times):
+        lives = int(generator.integers(1, 12)), int(generator.integers(1, 12))
+        for beat in range(int(generator.integers(12, 24))):
+            now_ns += int(generator.integers(1, 80)) * MS
+            for index in (A, B):
+                if beat < lives[index]:
+                    last[index] = now_ns
+                    if mux.hear(index, go(0.3), now_ns):
+                        ages.append(0)
+            for ticked in mux.tick(now_ns, now_ns):
+                if ticked.pass_on is not None:
+                    ages.append(now_ns - last[ticked.pass_on])
+    assert max(ages) <= timeout_ns
+    return ages
+
+
+def test_of_a_source_that_was_killed_nothing_older_than_its_timeout_is_passed_on() -> None:
+    assert len(killed(1000)) > 3000
+
+
+# Rewards and episodes
+
+
+def test_rewards_since_the_last_tick_add_up_and_an_end_closes_the_episode_at_the_next_tick() -> None:
+    mux = two()
+    mux.hear_outcome(RobotOutcome(0, 99.0))
+    mux.hear(B, go(0.2), 0)
+    (ticked,) = mux.tick(1, 1)
+    assert ticked.decision.reward == 0.0, "nothing was decided before"
+    mux.hear_outcome(RobotOutcome(0, 1.0))
+    mux.hear_reward(0.5)
+    (ticked,) = mux.tick(2, 2)
+    assert (ticked.decision.episode, ticked.decision.step, ticked.decision.reward) == (0, 1, 1.5)
+    mux.hear_reward(2.0)
+    mux.hear_outcome(SUCCESS)
+    mux.hear_reward(7.0)
+    (ticked,) = mux.tick(3, 3)
+    assert (ticked.decision.reward, ticked.decision.terminated, ticked.decision.outcome) == (12.0, True, "success")
+    assert ticked.send == Twist(), "the robot stops"
+    assert not mux.hear(B, go(0.2), 4), "nobody drives until the next tick"
+    (ticked,) = mux.tick(5, 5)
+    assert (ticked.decision.episode, ticked.decision.step, ticked.decision.reward) == (1, 0, 0.0)
+    assert mux.session.summary().successes == 1
+
+
+def test_an_end_while_a_safe_source_drives_sends_no_zero() -> None:
+    mux = two()
+    mux.hear(B, go(0.2), 0)
+    mux.tick(1, 1)
+    mux.hear(JOYSTICK, go(0.9), 2)
+    mux.hear_outcome(SUCCESS)
+    (ticked,) = mux.tick(3, 3)
+    assert (ticked.decision.terminated, ticked.send) == (True, None)
+
+
+def test_where_nobody_says_when_episodes_end_they_are_cut_without_stopping_the_robot() -> None:
+    mux = two(segment_s=0.3)
+    mux.has_episodes = False
+    decisions = []
+    for k in range(8):
+        now_ns = k * PERIOD_NS
+        mux.hear(B, go(0.2), now_ns)
+        ticked = mux.tick(now_ns, now_ns)
+        assert all(each.send is None for each in ticked)
+        assert driver(ticked) == 1
+        decisions += [(d.episode, d.step, d.truncated) for d in (each.decision for each in ticked)]
+    assert decisions == [
+        (0, 0, False), (0, 1, False), (0, 2, False), (0, 3, True), (1, 0, False), (1, 1, False), (1, 2, False),
+        (1, 3, True), (2, 0, False), (2, 1, False),
+    ]  # fmt: skip
+
+
+def test_after_the_last_episode_there_are_no_decisions_and_only_safe_sources_drive() -> None:
+    mux = two(episodes=1)
+    mux.hear(B, go(0.2), 0)
+    mux.tick(1, 1)
+    mux.hear_outcome(SUCCESS)
+    mux.tick(2, 2)
+    assert not mux.is_done
+    assert mux.tick(3, 3) == []
+    assert mux.is_done
+    assert not mux.hear(B, go(0.2), 4)
+    assert mux.hear(JOYSTICK, go(0.2), 5)
+
+
+# Observations
+
+
+@pytest.mark.parametrize(("value", "seen"), [(1.5, 1.5), (-1.0, 0.0), (7.0, 3.0), (inf, 3.0), (-inf, 0.0), (nan, nan)])
+def test_an_observation_counts_within_its_limits_and_for_its_time(value: float, seen: float) -> None:
+    mux = two()
+    mux.hear_observation(0, value, 10)
+    mux.hear_observation(1, 0.25, 10)
+    (ticked,) = mux.tick(10 + 500 * MS, 1)
+    assert ticked.decision.observed == pytest.approx((seen, 0.25), nan_ok=True)
+    (ticked,) = mux.tick(11 + 500 * MS, 2)
+    assert ticked.decision.observed == pytest.approx((nan, 0.25), nan_ok=True), "any age will do for the second"
+    (ticked,) = mux.tick(9, 3)
+    assert ticked.decision.observed == pytest.approx((nan, 0.25), nan_ok=True), "the clock was set back"
+
+
+def test_observations_of_a_group_are_learned_together_in_the_order_in_which_groups_begin() -> None:
+    every = {**OBSERVATIONS["goal"], "group": "target"}
+    given = {"bearing": every, "distance": every, "front": OBSERVATIONS["front"]}
+    robot = described(topics(a=(0.5, 1)), observations={"x": OBSERVATIONS["front"], **given}).robot
+    assert robot.lengths == (1, 2, 1)
+    assert [each.name for each in robot.observations] == ["x", "bearing", "distance", "front"]
+    assert [robot.place_of(name) for name in ("x", "distance", "front", "y")] == [(0, 0), (1, 1), (2, 0), None]
+    assert [*accumulate(robot.lengths)] == [1, 3, 4]
+
+
+# Parameters
+
+
+def test_a_description_is_made_again_of_its_values() -> None:
+    description = described(topics(a=(0.5, 10)), axes={"linear_x": {"low": -0.2, "high": 0.8, "levels": 7}}, seed=4)
+    assert description_of(description.values(), "again") == description
+
+
+def test_the_example_of_the_page_can_be_learned() -> None:
+    page = (ROOT / "docs" / "mux.md").read_text()
+    (block,) = [each for each in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL) if "learn: true" in each]
+    mux = made(description_of(yaml.safe_load(block)["twist_mux"]["ros__parameters"], "docs/mux.md"))
+    assert mux.session.behaviors == ("goal", "gap", "back")
+    mux.hear(0, go(0.5), 0)
+    mux.hear(1, go(0.2), 0)
+    mux.hear_observation(2, 0.5, 0)
+    (ticked,) = mux.tick(1, 1)
+    assert ticked.decision.learned_weights[1] > 0.9, "the priorities would take gap here"
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"behaviors": ["c"]}, "'behaviors' has 'c', which is not one of the sources (a, joystick)"),
+        ({"behaviors": ["joystick"]}, "'joystick', whose priority is 100: one to choose among is above 0 and below safety_priority"),
+        ({"behaviors": ["a", "a"]}, "'behaviors' names 'a' twice"),
+        ({"safety_priority": 10}, "there is no source below safety_priority, so there is nothing to decide"),
+        ({"axes": {"linear_w": {"low": 0.0, "high": 1.0}}}, "'axes.linear_w': no axis of a Twist"),
+        ({"axes": {"linear_x": {"low": 1.0, "high": 1.0}}}, "'axes.linear_x.low' is 1, not below 'high' (1)"),
+        ({"observations": {"o": OBSERVATIONS["goal"] | {"field": "a..b"}}}, "'observations.o.field': 'a..b' is not the path"),
+        ({"observations": {"o": OBSERVATIONS["goal"] | {"low": 2.0}}}, "'observations.o.low' is 2, not below 'high' (1)"),
+        ({"observations": {"o": {"topc": 1}}}, "unknown parameter 'topc'"),
+        ({"sources": topics(a=(0.5, 10)) | {"b": topics(b=(0.5, 1))["b"] | {"guide_observation": "x"}}}, "'topics.b.guide_observation' is 'x'"),
+        ({"observations": [1]}, "'observations' is not a mapping of names"),
+    ],
+)  # fmt: skip
+def test_wrong_parameters_are_refused_in_one_line(values: dict[str, Any], reason: str) -> None:
+    with pytest.raises(BadInput) as refusal:
+        made(described(**{"sources": topics(a=(0.5, 10), joystick=(0.5, 100)), **values}))
+    assert reason in str(refusal.value)
+    assert "\n" not in str(refusal.value)
