@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from fbql.replay.mux_verification import verify_mux
 from fbql_common.core.errors import BadInput
 from fbql_common.core.twist import Twist
 from fbql_fusion.policy_storage import load_policy, save_policy
@@ -52,6 +53,8 @@ def test_thirty_episodes_through_the_node_are_those_in_one_process_bit_by_bit_an
         f"{bench.namespace}/fusion/decision": len(expected),
         f"{bench.namespace}/cmd_vel_out": len(mux.out),
     }
+    verified = verify_mux(recorded, lambda _: None)
+    assert (verified.steps, verified.difference, verified.digest) == (len(expected), None, session.digest)
 
 
 def test_a_saved_policy_is_played_as_in_one_process_and_another_robots_is_refused_in_one_line(bench, tmp_path):
