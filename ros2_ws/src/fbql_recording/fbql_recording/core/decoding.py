@@ -25,7 +25,7 @@ TYPES: dict[str, type[Any]] = {
 }
 """The domain type of each message type of a step of soccer."""
 MUX_DECISION = "fbql_msgs/msg/MuxDecision"
-_KINDS = {**TYPES, MUX_DECISION: MuxDecision}
+_KINDS: dict[str, type[Any]] = {**TYPES, MUX_DECISION: MuxDecision}
 _FRAMES = {MUX_DECISION: ""}
 """The frame of messages that are not in the field's."""
 

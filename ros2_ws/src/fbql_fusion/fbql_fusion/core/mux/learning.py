@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of
@@ -78,11 +78,14 @@ def description_of(values: Mapping[str, Any], where: str) -> MuxDescription:
     ]
     groups: dict[str, Any] = {}
     for prefix, declaration in GROUPS.items():
-        given = values.get(prefix, {})
-        if not isinstance(given, Mapping) or not all(isinstance(each, Mapping) for each in given.values()):
+        given: Any = values.get(prefix, {})
+        if not isinstance(given, dict) or not all(
+            isinstance(each, dict) for each in cast("dict[Any, Any]", given).values()
+        ):
             raise BadInput(f"{where}: '{prefix}' is not a mapping of names to their parameters")
+        entries = cast("dict[str, dict[str, Any]]", given)
         groups[prefix] = {
-            name: from_mapping(declaration, each, where, f"{prefix}.{name}.") for name, each in given.items()
+            name: from_mapping(declaration, each, where, f"{prefix}.{name}.") for name, each in entries.items()
         }
     return MuxDescription(*parts, **groups)
 
