@@ -21,8 +21,8 @@ from fbql_behaviors.core.recipes import Recipe
 from fbql_fusion.core.controllers.parameters import SessionParameters
 from fbql_fusion.core.learners.literal.parameters import LiteralParameters
 from fbql_fusion.core.learners.parameters import FeatureParameters
-from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
-from fbql_fusion.core.learners.value.parameters import FbqlValueParameters
+from fbql_fusion.core.learners.ppo.parameters import FbqlParameters, PpoParameters
+from fbql_fusion.core.learners.value.parameters import FbqlValueParameters, ValueParameters
 from fbql_fusion.core.tasks.soccer.parameters import SoccerParameters
 from fbql_fusion.core.tasks.soccer.subsumption import PRESETS, SubsumptionParameters
 from fbql_fusion.core.tasks.soccer.world_model.parameters import WorldModelParameters
@@ -66,11 +66,13 @@ DECLARATIONS = {
         Habits,
         InductionParameters,
         LiteralParameters,
+        PpoParameters,
         Recipe,
         SessionParameters,
         SoccerParameters,
         SimulationParameters,
         SubsumptionParameters,
+        ValueParameters,
         TuningParameters,
         WorldModelParameters,
     )
