@@ -1,4 +1,4 @@
-"""The beginning of a controller of your own, for lesson 6 of the course. Copy it, and change `select`."""
+"""A starting point for a controller of your own: lesson 6 of the course. Copy it, and change `select`."""
 
 
 class MyController:

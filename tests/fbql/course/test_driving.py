@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from commands import demonstrate, induce
 from fbql.course import driving
-from fbql.course.driving import ASKED, DEMONSTRATIONS, STARTS, TREE, attempts_of, check
+from fbql.course.driving import DEMONSTRATIONS, NEEDED, STARTS, TREE, attempts_of, check
 from fbql.demonstrations.origins import about_origins, origins_of
 from fbql.demonstrations.recording import save_demonstrations
 from fbql_behaviors.core.patterns import Demonstration
@@ -36,7 +36,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_tree_that_finds_the_ball_is_right(done: Path) -> None:
     arrived = sum(attempt.arrived for attempt in attempts_of(load_tree(done / TREE)))
-    assert arrived >= ASKED
+    assert arrived >= NEEDED
     verdict = check([], done)
     assert verdict.right
     assert f"reaches the ball from {arrived} of {STARTS} starts" in verdict.line
@@ -46,11 +46,11 @@ def test_a_tree_that_finds_the_ball_is_right(done: Path) -> None:
 def test_a_tree_of_few_demonstrations_is_not_enough_and_the_hint_says_what_to_show(tmp_path: Path) -> None:
     lesson_2(tmp_path, 3)
     arrived = sum(attempt.arrived for attempt in attempts_of(load_tree(tmp_path / TREE)))
-    assert arrived < ASKED
+    assert arrived < NEEDED
     verdict = check([], tmp_path)
     assert not verdict.right
-    assert f"from {arrived} of {STARTS} starts, and {ASKED} are asked" in verdict.line
-    assert "show more of those" in verdict.line
+    assert f"from {arrived} of {STARTS} starts, and at least {NEEDED} are needed" in verdict.line
+    assert "demonstrate more of those" in verdict.line
 
 
 def test_the_side_in_the_hint_is_where_the_ball_is_at_most_failed_starts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,7 +74,9 @@ def test_a_tree_of_other_demonstrations_is_wrong(done: Path, tmp_path: Path) -> 
     shutil.copy(shipped_trees() / "ball_seeking.json", work / TREE)
     verdict = check([], work)
     assert not verdict.right
-    assert "was not made of these demonstrations; make it again: python3 scripts/induce.py ball_seeking" in verdict.line
+    assert (
+        "was not made from these demonstrations; make it again: python3 scripts/induce.py ball_seeking" in verdict.line
+    )
 
 
 def test_demonstrations_that_nobody_drove_are_wrong(done: Path, tmp_path: Path) -> None:

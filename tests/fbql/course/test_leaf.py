@@ -59,7 +59,7 @@ def test_another_motion_is_wrong_and_is_named(work: Path, wheels: str, motion: s
     change(work, leaf, wheels)
     verdict = check([str(leaf)], work)
     assert not verdict.right
-    assert f"leaf {leaf} means: {motion}; it is to mean: turning left on the spot" in verdict.line
+    assert f"leaf {leaf} means: {motion}; it should mean: turning left on the spot" in verdict.line
 
 
 def test_a_second_changed_leaf_is_wrong_and_is_named(work: Path) -> None:
@@ -68,7 +68,7 @@ def test_a_second_changed_leaf_is_wrong_and_is_named(work: Path) -> None:
     change(work, leaf, "-20,20", CHANGED)
     verdict = check([str(leaf)], work)
     assert not verdict.right
-    assert f"leaf {leaf} alone is to change, but so did {leaf + 1};" in verdict.line
+    assert f"only leaf {leaf} should change, but {leaf + 1} changed too;" in verdict.line
 
 
 def test_a_tree_with_other_regions_is_wrong(work: Path) -> None:

@@ -86,7 +86,7 @@ def test_the_beginning_as_it_is_is_not_enough(tmp_path: Path) -> None:
 def test_a_rule_that_scores_more_than_equal_weights_is_right(tmp_path: Path) -> None:
     verdict = check([controller(tmp_path, RULE) + ":MyController"], tmp_path)
     assert verdict.right, verdict.line
-    assert "the same seed is the same match" in verdict.line
+    assert "the same seed gives the same match" in verdict.line
 
 
 def test_a_learner_learns_first_and_plays_frozen(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Lesson 2: demonstrations, and a tree of them that finds the ball."""
+"""Lesson 2: demonstrations, and a tree made from them that finds the ball."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from fbql.demonstrations.replay import verify
 
 BEHAVIOR = "ball_seeking"
 DEMONSTRATIONS, TREE = "driving", f"trees/{BEHAVIOR}.json"
-STARTS, ASKED = 20, 15
+STARTS, NEEDED = 20, 15
 _SEED = 2
 
 
@@ -40,14 +40,14 @@ def check(answer: Sequence[str], work: Path) -> Verdict:
     patterns = patterns_of(demonstrations, observation_of(BEHAVIOR), recipe.every, recipe.patterns)
     if tree.origin.get("patterns_sha256") != patterns.sha256:
         command = f"{command_text('induce')} {BEHAVIOR} --demos {work / DEMONSTRATIONS} --out {work / TREE}"
-        return Verdict(False, f"the tree was not made of these demonstrations; make it again: {command}")
+        return Verdict(False, f"the tree was not made from these demonstrations; make it again: {command}")
     attempts = attempts_of(tree)
     arrived = sum(attempt.arrived for attempt in attempts)
-    if arrived < ASKED:
+    if arrived < NEEDED:
         return Verdict(
             False,
-            f"your tree reaches the ball from {arrived} of {STARTS} starts, and {ASKED} are asked; most of the starts where "
-            f"it fails have the ball {_where_it_fails(attempts)}: show more of those, and make the tree again",
+            f"your tree reaches the ball from {arrived} of {STARTS} starts, and at least {NEEDED} are needed; at most of the "
+            f"starts where it fails the ball is {_where_it_fails(attempts)}: demonstrate more of those, and make the tree again",
         )
     return Verdict(
         True,

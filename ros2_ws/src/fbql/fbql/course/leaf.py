@@ -41,13 +41,15 @@ def check(answer: Sequence[str], work: Path) -> Verdict:
     others = [k for k, (before, after) in pairs if before != after and k != leaf_id]
     if others:
         names = ", ".join(str(k) for k in others[:5])
-        return Verdict(False, f"leaf {leaf_id} alone is to change, but so did {names}; begin again from {work / TREE}")
+        return Verdict(
+            False, f"only leaf {leaf_id} should change, but {names} changed too; start again from {work / TREE}"
+        )
     motion = motion_of(*changed.wheel_leaves[leaf_id].command)
     if motion is not WANTED:
         return Verdict(
             False,
-            f"with your change leaf {leaf_id} means: {motion.value}; it is to mean: {WANTED.value}; for that the right wheel "
-            "goes forwards and the left one as fast backwards",
+            f"with your change leaf {leaf_id} means: {motion.value}; it should mean: {WANTED.value}; for that, the right wheel "
+            "goes forwards and the left one backwards, equally fast",
         )
     return Verdict(
         True,

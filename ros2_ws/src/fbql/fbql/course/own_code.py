@@ -16,6 +16,7 @@ from fbql_fusion.core.controllers.parameters import SessionParameters
 from fbql_fusion.core.registry import fusion_parameters, learns
 
 from fbql.api import induce, play, train
+from fbql.cli.words import counted
 from fbql.course.verdict import Verdict, words_of
 
 MATCH: Mapping[str, Any] = {"episodes": 10, "max_steps": 1500, "seed": 6}
@@ -50,7 +51,7 @@ def _check_controller(source: str) -> Verdict:
         )
     return Verdict(
         True,
-        f"it scored {_result(ours)}; equal weights {_result(equal)} from the same starts; the same seed is the same match",
+        f"it scored {_result(ours)}; equal weights {_result(equal)} from the same starts; the same seed gives the same match",
     )
 
 
@@ -69,7 +70,9 @@ def _check_behavior(source: str) -> Verdict:
     if behavior in SessionParameters().behaviors:
         raise BadInput(f"{source}: '{behavior}' is a behavior of the project; give yours a name of its own")
     if observation.instructor is None:
-        raise BadInput(f"{source}: '{behavior}' has no instructor, whose demonstrations the check makes its tree of")
+        raise BadInput(
+            f"{source}: '{behavior}' has no instructor; the check makes its tree from the instructor's demonstrations"
+        )
     found = induce(behavior, observations=[source], patterns=PATTERNS)
     if found.leaves < 2:
         return Verdict(
@@ -84,14 +87,14 @@ def _check_behavior(source: str) -> Verdict:
     if share < LEAST_SHARE:
         return Verdict(
             False,
-            f"{behavior} drove in {100 * share:.1f} % of the steps of a match, and {100 * LEAST_SHARE:g} % are asked: it drives "
-            "inside of its features' ranges only; widen them",
+            f"{behavior} drove in {100 * share:.1f} % of the steps of a match, and at least {100 * LEAST_SHARE:g} % are needed: it drives "
+            "only inside the ranges of its features; widen them",
         )
     without = play("subsumption", **MATCH).summary
     return Verdict(
         True,
         f"the tree of {behavior} has {found.leaves} leaves; it drove in {100 * share:.0f} % of the steps, and the team scored "
-        f"{_result(ours.summary)}; without it {_result(without)}; the same seed is the same match",
+        f"{_result(ours.summary)}; without it {_result(without)}; the same seed gives the same match",
     )
 
 
@@ -111,4 +114,4 @@ def _not_the_same(what: str) -> str:
 
 def _result(summary: Mapping[str, Any]) -> str:
     steps = "" if summary["cost_per_goal"] is None else f", {summary['cost_per_goal']:.0f} steps per goal"
-    return f"{summary['goals']} goals in {summary['episodes']} episodes{steps}"
+    return f"{counted(summary['goals'], 'goal')} in {counted(summary['episodes'], 'episode')}{steps}"

@@ -56,7 +56,7 @@ def check(answer: Sequence[str], work: Path) -> Verdict:
     if abs(given - table.percent) > CLOSE:
         hint = "count the rows of q in which all three numbers are equal, and divide by the number of rows"
         if abs(100.0 * given - table.percent) <= CLOSE:
-            hint = "that is the share of 1; write it in percent"
+            hint = "that is a fraction of 1; write it in percent"
         elif abs(100.0 - given - table.percent) <= CLOSE:
             hint = "that is the share of the joint states that are not tied"
         return Verdict(False, f"{given:g} % of the joint states is not what the policy of {FIRST} has: {hint}")
