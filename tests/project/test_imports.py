@@ -288,7 +288,7 @@ NAMES = {
 """Import -> distribution, where they differ."""
 KEYS = {"PyYAML": "python3-yaml", "mcap": "python3-mcap-pip", "pymunk": "python3-pymunk-pip"}
 """Distribution -> rosdep key, where it is not python3-NAME."""
-IN_ROSDISTRO = {"python3-matplotlib", "python3-numpy", "python3-pytest", "python3-yaml"}
+IN_ROSDISTRO = {"python3-matplotlib", "python3-numpy", "python3-pytest", "python3-websockets", "python3-yaml"}
 NOT_OURS = {"pystreed"}
 """Only used where the user has installed it: it depends on a package under the GPL."""
 

@@ -40,7 +40,7 @@ setup(
         (f"share/{name}", ["package.xml", "README.md", "LICENSE", "CHANGELOG.rst"]),
         (f"share/{name}/launch", sorted(map(str, Path("launch").glob("*.py")))),
     ],
-    install_requires=["setuptools", "numpy", "PyYAML"],
+    install_requires=["setuptools", "numpy", "PyYAML", "websockets"],
     extras_require={"figures": ["matplotlib"], "foxglove": ["foxglove-sdk"], "test": ["pytest"]},
     zip_safe=False,
     entry_points={

@@ -159,7 +159,7 @@ def test_what_to_type_next_goes_on_with_what_was_learned(tmp_path: Path) -> None
         commands = [
             line for line in next_steps(SUMMARY, tmp_path, domain_id=domain_id).splitlines() if line[2:3] != " "
         ]
-        assert commands[-1] == "  python3 scripts/bringup.py --controller subsumption --watch --goals 3"
+        assert commands[-1] == "  python3 scripts/bringup.py --controller subsumption --watch terminal --goals 3"
         told = "  export ROS_DOMAIN_ID=7 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST" in commands
         assert told is (domain_id is not None)
     (tmp_path / "policy.npz").touch()

@@ -11,13 +11,13 @@ import json
 import shlex
 import shutil
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.files import remedy, write_atomically
 from fbql_common.middleware import prepare_middleware
-from fbql_common.terminal.screen import require_terminal
+from fbql_recording.core.columns import Recorded
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupted, Interrupts
@@ -38,7 +38,10 @@ from fbql.match.options import (
     same_options,
 )
 from fbql.match.result import Asked, next_steps, summary_text
-from fbql.watch.option import add_watch_option
+from fbql.watch.option import add_watch_option, require_way
+
+if TYPE_CHECKING:  # a match that nobody watches loads nothing of it
+    from fbql.watch.view import View
 
 START_TIMEOUT_S = 30.0
 FOXGLOVE_PORT = 8765
@@ -74,8 +77,8 @@ def parser(program: str) -> Parser:
     )
     add_watch_option(
         how,
-        "watch the match in this terminal: the field, who drives and why; in real time, or at the speed that --realtime "
-        "gives; the match is the same",
+        "watch the match, which stays the same: the field, who drives and why; in real time, or at the speed that --realtime "
+        "gives",
     )
     how.add_argument(
         "--start-timeout",
@@ -106,8 +109,7 @@ def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrup
         value = getattr(arguments, name)
         if not low <= value <= high:
             raise BadInput(f"--{name.replace('_', '-')} is {value:g}, outside of [{low:g}, {high:g}]")
-    if arguments.watch is not None:
-        require_terminal()
+    require_way(arguments.watch)
     prepare_middleware(line.complain)
     domain_id = domain_from()
     match = match_from(arguments)
@@ -127,8 +129,22 @@ def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrup
     if arguments.watch is not None:
         from fbql.watch.live import LiveWatch
 
-        watch = LiveWatch([load_tree(file) for file in match.behaviors.values()], sets_pace=paced)
+        watch = LiveWatch(_view(match, arguments.watch, line), paced, takes_terminal=arguments.watch == "terminal")
     return match, Supervision(mode, domain_id, arguments.start_timeout, line, interrupts, live, watch)
+
+
+def _view(match: Match, way: str, line: LiveLine) -> View:
+    """What shows the match."""
+    trees = [load_tree(file) for file in match.behaviors.values()]
+    if way == "terminal":
+        from fbql.watch.terminal import MatchScreen
+
+        return MatchScreen(trees)
+    from fbql.watch.browser import BrowserPage
+
+    controller, seed = match.fusion.controller, match.fusion.seed
+    recorded = Recorded(True, tuple(match.behaviors), True, True, True)
+    return BrowserPage(recorded, trees, f"{controller}, live", f"{controller} · seed {seed}", line.say, [controller])
 
 
 def _report(

@@ -22,7 +22,7 @@ from fbql_behaviors.core.patterns import Demonstration, patterns_of
 from fbql_behaviors.core.recipes import recipe_of
 from fbql_behaviors.demonstration_storage import Recording
 from fbql_common.core.errors import BadInput
-from fbql_common.terminal.screen import require_terminal, trouble_with_terminal
+from fbql_common.terminal.screen import trouble_with_terminal
 
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupts
@@ -36,7 +36,8 @@ from fbql.demonstrations.origins import Origin, about_origins, merge, recordings
 from fbql.demonstrations.recording import save_demonstrations
 from fbql.demonstrations.replay import verify
 from fbql.keyboard.show import show
-from fbql.watch.option import add_watch_option
+from fbql.keyboard.show_in_browser import show_in_browser
+from fbql.watch.option import add_watch_option, require_way
 
 SCRIPTED_SEED = 1
 SLOWEST, FASTEST = 0.01, 100.0
@@ -117,7 +118,9 @@ def _replay(arguments: argparse.Namespace, recordings: Sequence[Recording], inte
     behavior = recordings[0].behavior
     register_observations([], [behavior])
     found = verify(recordings)
-    if arguments.watch or not trouble_with_terminal():
+    if arguments.watch == "browser":
+        show_in_browser(recordings, arguments.realtime, interrupts)
+    elif arguments.watch or not trouble_with_terminal():
         show(recordings, arguments.realtime, arguments.ascii, interrupts)
     demonstrations = [demonstration for recording in recordings for demonstration in recording.demonstrations]
     if found.first_difference:
@@ -165,7 +168,7 @@ def _check_usage(arguments: argparse.Namespace) -> None:
     if arguments.watch is not None:
         if mode != "replay":
             raise BadInput("--watch shows recorded demonstrations; add --replay DIR, or drive with --keyboard instead")
-        require_terminal()
+        require_way(arguments.watch)
     if arguments.realtime is not None and not SLOWEST <= arguments.realtime <= FASTEST:
         raise BadInput(f"--realtime is {arguments.realtime:g}, outside of [{SLOWEST:g}, {FASTEST:g}]")
 
@@ -178,7 +181,9 @@ def _unused(arguments: argparse.Namespace, sources: Mapping[str, str], behavior:
         yield from without_effect(arguments, how, "without --keyboard or --replay")
     if arguments.replay is not None:
         yield from without_effect(arguments, ["out"], "with --replay: nothing is written")
-        if trouble_with_terminal():
+        if arguments.watch == "browser":
+            yield from without_effect(arguments, ["ascii"], "with --watch browser")
+        elif trouble_with_terminal():
             yield from without_effect(arguments, how, "without a terminal: nothing is shown")
 
 
@@ -196,7 +201,7 @@ def parser(program: str) -> Parser:
         "--replay", type=Path, metavar="DIR", help="show recorded demonstrations, and drive them again to compare"
     )
     modes.add_argument("--merge", type=Path, nargs="+", metavar="DIR", help="merge several recordings into one")
-    add_watch_option(modes, "--replay: show the demonstrations in this terminal (what it does where there is one)")
+    add_watch_option(modes, "--replay: show the demonstrations (what it does where there is a terminal)")
     modes.add_argument(
         "--realtime",
         type=float,

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from fbql_behaviors.demonstration_storage import BEHAVIOR_KEY
 from fbql_common.core.errors import BadInput
-from fbql_common.terminal.screen import require_terminal
 from fbql_fusion.controller_loading import is_file
 from fbql_fusion.core.tasks.soccer.subsumption import PRESETS
 from fbql_recording.run import Run, open_run
@@ -21,7 +20,7 @@ from fbql.cli.observations import add_observation_option
 from fbql.cli.output import complain, warn
 from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path, without_effect
 from fbql.cli.places import command_text
-from fbql.watch.option import add_watch_option
+from fbql.watch.option import add_watch_option, require_way
 
 _ON_ROS = {
     "rate": 1.0,
@@ -92,7 +91,7 @@ def parser(program: str) -> Parser:
         "--wait", type=float, metavar="S",
         help="start when every topic has a subscriber, or after S seconds (1)",
     )  # fmt: skip
-    add_watch_option(ros, "watch what is published in this terminal: the field, who drives and why")
+    add_watch_option(ros, "watch what is published: the field, who drives and why")
     verified = command.add_argument_group("recomputed")
     verified.add_argument("--verify", action="store_true", help="recompute the run and compare it bit by bit")
     add_observation_option(verified)
@@ -150,6 +149,6 @@ def _check(arguments: argparse.Namespace) -> None:
     if arguments.verify and arguments.skip_corrupt:
         raise BadInput("a run without its damaged chunks can't be verified; leave out --skip-corrupt")
     if arguments.watch is not None and not (arguments.verify or what_if):
-        require_terminal()
+        require_way(arguments.watch)
     if (arguments.csv or arguments.figure) and not what_if:
         raise BadInput("--csv and --figure show the effect of a change; add --set, --trees or another one")

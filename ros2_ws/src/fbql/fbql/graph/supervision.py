@@ -54,6 +54,11 @@ class Watch(Protocol):
         ...
 
     @property
+    def takes_terminal(self) -> bool:
+        """Whether it is on the terminal, where nothing else can be shown."""
+        ...
+
+    @property
     def holds(self) -> bool:
         """Whether the match waits for whoever watches."""
         ...
@@ -255,7 +260,7 @@ class Supervision:
         place, moved_s = ("", ""), monotonic()
         while not self._interrupts.came:
             self._look(observer, _LOOK_S)
-            if observer.status and not (self._view and self._view.is_on):
+            if observer.status and not (self._view and self._view.takes_terminal):
                 self._line.show(partial(status_line, observer.status))
             if self._mode.realtime > 0:
                 self.missed_ticks = observer.missed_ticks

@@ -7,4 +7,5 @@ sitting   the demonstrations so far, and their copies on disk
 live      the simulator as a process of the graph, and the node that drives it
 drive     the loop that joins them
 show      plays demonstrations back on the screen
+show_in_browser  and on a page
 """

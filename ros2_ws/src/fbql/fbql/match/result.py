@@ -186,6 +186,11 @@ def next_steps(
     elif summary["messages_recorded"]:
         meaning = f"what was recorded, if ROS 2 is installed; Foxglove opens its {run.name}_0.mcap"
         steps.append((f"ros2 bag info {place}", meaning))
-    steps.append((f"{player} --watch --goals 3", "watch it in this terminal: where everything is, who drives, and why"))
+    steps.append(
+        (
+            f"{player} --watch terminal --goals 3",
+            "watch it here, or with --watch browser on a page: who drives, and why",
+        )
+    )
     lines = [line for command, meaning in steps for line in (f"  {command}", f"      {meaning}")]
     return as_lines(["", "Next:", *lines])

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import select
 import tempfile
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing, contextmanager, nullcontext
@@ -41,10 +40,9 @@ from fbql.cli.output import LiveLine, complain, output_aside, print_result, say,
 from fbql.graph.domains import MAX_DOMAIN_ID, free_domain
 from fbql.replay.recomputation import recorded_trees
 from fbql.replay.topics import ReplayViews, class_of, qos_of
-from fbql.watch.moments import Moments
 from fbql.watch.pace import Pace
 from fbql.watch.page import PICTURE_S
-from fbql.watch.terminal import END_S, MatchScreen
+from fbql.watch.view import END_S, View
 
 NODE = "replay"
 NS = 1_000_000_000
@@ -80,8 +78,7 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
             if keys is not None and keys.taken:
                 say("space: pause, continue; s: one step; + -: faster, slower; q: quit")
             stage.wait_for_subscribers(arguments.wait, interrupts, may_have_twins=domain is not None)
-            watched = f"{run.path.name} in ROS_DOMAIN_ID={domain_id}"
-            with _screen(_trees(run), watched) if arguments.watch is not None else nullcontext() as screen:
+            with nullcontext() if arguments.watch is None else _view(run, arguments.watch, domain_id) as screen:
                 replay = _Replay(run, arguments, window, stage, line, keys, screen, interrupts)
                 replay.play()
         replayed = replay.report()
@@ -107,14 +104,25 @@ def _keyboard(wanted: bool) -> Generator[RawTerminal | None]:
 
 
 @contextmanager
-def _screen(trees: Iterable[Tree], message: str) -> Generator[MatchScreen]:
-    """The terminal with a match on it; what is printed meanwhile is printed afterwards."""
-    with (
-        tempfile.NamedTemporaryFile(prefix="fbql-replay-") as log,
-        output_aside(Path(log.name)),
-        MatchScreen(trees, message) as screen,
-    ):
-        yield screen
+def _view(run: Run, way: str, domain_id: int) -> Generator[View]:
+    """What shows the match; on a terminal, what is printed meanwhile is printed afterwards."""
+    name = run.path.resolve().name
+    if way == "terminal":
+        from fbql.watch.terminal import MatchScreen
+
+        with (
+            tempfile.NamedTemporaryFile(prefix="fbql-replay-") as log,
+            output_aside(Path(log.name)),
+            MatchScreen(_trees(run), f"{name} in ROS_DOMAIN_ID={domain_id}") as screen,
+        ):
+            yield screen
+        return
+    from fbql.watch.browser import BrowserPage
+
+    decides = run.parameters.get("fusion", {}).get("controller", "")
+    headline = f"{decides} · replayed in ROS_DOMAIN_ID={domain_id}".removeprefix(" · ")
+    with BrowserPage(run.recorded, _trees(run), name, headline, say, [decides]) as page:
+        yield page
 
 
 def _trees(run: Run) -> Iterable[Tree]:
@@ -322,7 +330,7 @@ class _Replay:
         stage: Stage,
         line: LiveLine,
         keys: RawTerminal | None,
-        screen: MatchScreen | None,
+        screen: View | None,
         interrupts: Interrupts,
     ) -> None:
         self._run = run
@@ -344,6 +352,8 @@ class _Replay:
 
     def play(self) -> None:
         """Replays."""
+        while not (self._screen is None or self._screen.ready or self._pace.quit):
+            self._pace.idle()
         begun_s = monotonic()
         again = True
         while again:
@@ -356,7 +366,7 @@ class _Replay:
                 self._stage.publish(message)
                 self._messages += 1
                 if self._screen is not None:
-                    self._follow(message, self._screen.moments)
+                    self._follow(message, self._screen)
                 self._show()
             self._covered_ns += self._at_ns - self._window.start_ns
             again = self._loop and not self._pace.quit and self._messages > before
@@ -391,11 +401,11 @@ class _Replay:
     def _recorded(self) -> Iterator[Message]:
         return self._run.messages(self._stage.names, self._window.start_ns, self._window.end_ns)
 
-    def _follow(self, message: Message, moments: Moments) -> None:
+    def _follow(self, message: Message, screen: View) -> None:
         """Shows a message. Whoever skips to the next episode has arrived with its first world state."""
-        before = moments.world
-        moments.hear(message.topic, message.data)
-        world = moments.world
+        before = screen.moments.world
+        screen.hear(message.topic, message.data)
+        world = screen.moments.world
         if world is before or world is None:
             return
         if before is not None and world.episode != before.episode:
@@ -407,8 +417,7 @@ class _Replay:
         """The keys pressed; waits for some at most this long."""
         keys: list[Key] = []
         if self._screen is not None:
-            select.select([self._screen], [], [], min(patience_s, PICTURE_S))
-            keys = self._screen.keys()
+            keys = self._screen.keys(min(patience_s, PICTURE_S))
         elif self._keys is not None and not self._keys.stopped() and self._keys.take():
             keys = [key for key in self._decoder.feed(self._keys.read(patience_s)) if key is not Key.NEXT]
         else:

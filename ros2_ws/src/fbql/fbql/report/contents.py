@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TextIO
 
@@ -15,7 +15,7 @@ from fbql_common.core import recording_names
 from fbql_common.core.errors import BadInput
 from fbql_common.core.field import AXLE_M, BALL_RADIUS_M, FIELD, ROBOT_SIDE_M, WHEEL_RADIUS_M
 from fbql_common.core.types import Phase
-from fbql_recording.core.columns import BLOCK_STEPS, Columns, block_of
+from fbql_recording.core.columns import BLOCK_STEPS, Columns, Recorded, block_of
 from fbql_recording.core.episodes import Episode
 from fbql_recording.core.packing import FLOAT32, Packing, pack
 from fbql_recording.core.steps import Step
@@ -33,26 +33,42 @@ _DAY_NS = 24 * 3600 * 10**9
 
 
 @dataclass
-class Contents:
-    """The contents of a run's report; they grow while the steps are read."""
+class PackedSteps:
+    """Steps in the form that a page takes, and what the numbers in them stand for; both grow as steps come."""
 
-    run: Run
-    episodes: list[Episode] = field(default_factory=list[Episode])
+    recorded: Recorded
     trees: dict[str, Tree] = field(default_factory=dict[str, Tree])
-    """By hash: those in the recording."""
-    notes: list[str] = field(default_factory=list[str])
-    """Problems, in addition to the warnings of the run."""
+    """By hash: those that are known."""
+    episodes: list[Episode] = field(default_factory=list[Episode])
     steps: int = 0
     controllers: list[str] = field(default_factory=list[str])
     commands: list[str] = field(default_factory=list[str])
     """What commands do, in words, in order of appearance."""
     tree_hashes: list[str] = field(default_factory=list[str])
     """Of the trees that behaviors answered with, in order of appearance."""
-    blocks: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
-    """For each block its number of steps, and the index of its packing in `packings`."""
     packings: list[tuple[Packing, ...]] = field(default_factory=list[tuple[Packing, ...]])
     zero_ns: int = 0
     """The stamp from which seconds are counted; 0 in simulated time."""
+
+    def packed(self, steps: Sequence[Step]) -> tuple[int, int, str]:
+        """A block of steps: their number, the index of its packing in `packings`, and the columns in base64."""
+        columns = block_columns(self, steps)
+        packings = tuple(Packing(name, unit_of(name, column)) for name, column in columns.items())
+        if packings not in self.packings:
+            self.packings.append(packings)
+        data = base64.b64encode(pack(columns, packings)).decode()
+        return len(steps), self.packings.index(packings), data
+
+
+@dataclass(kw_only=True)
+class Contents(PackedSteps):
+    """The contents of a run's report."""
+
+    run: Run
+    notes: list[str] = field(default_factory=list[str])
+    """Problems, in addition to the warnings of the run."""
+    blocks: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
+    """For each block its number of steps, and the index of its packing in `packings`."""
 
 
 def read_contents(run: Run, out: TextIO, progress: Callable[[int], None]) -> Contents:
@@ -65,7 +81,7 @@ def read_contents(run: Run, out: TextIO, progress: Callable[[int], None]) -> Con
     Raises:
         BadInput: the run has no steps; `Corrupt`.
     """
-    contents = Contents(run)
+    contents = Contents(run.recorded, run=run)
     for name, data in run.attachments.items():
         if name.startswith(recording_names.TREES):
             try:
@@ -94,13 +110,10 @@ def read_contents(run: Run, out: TextIO, progress: Callable[[int], None]) -> Con
 
 
 def _write(contents: Contents, steps: list[Step], out: TextIO) -> None:
-    columns = block_columns(contents, steps)
-    packings = tuple(Packing(name, unit_of(name, column)) for name, column in columns.items())
-    if packings not in contents.packings:
-        contents.packings.append(packings)
-    contents.blocks.append((len(steps), contents.packings.index(packings)))
-    contents.steps += len(steps)
-    out.write(base64.b64encode(pack(columns, packings)).decode() + "\n")
+    rows, packing, data = contents.packed(steps)
+    contents.blocks.append((rows, packing))
+    contents.steps += rows
+    out.write(f"{data}\n")
     steps.clear()
 
 
@@ -111,14 +124,14 @@ def unit_of(name: str, column: Any) -> float:
     return UNIT if column.dtype == np.float64 else 1.0
 
 
-def block_columns(contents: Contents, steps: list[Step]) -> Columns:
+def block_columns(contents: PackedSteps, steps: Sequence[Step]) -> Columns:
     """The columns of docs/recordings.md, flat (weights.0 is the weight of the first behavior), and some more.
 
     These are time_s, begins_again, and as indices tree.K (the tree that behavior K answered with), controller, command_words.
     """
-    behaviors = contents.run.behaviors
+    behaviors = contents.recorded.behaviors
     columns: Columns = {}
-    for name, column in block_of(steps, contents.run.recorded).items():
+    for name, column in block_of(steps, contents.recorded).items():
         if name == "stamp_ns":
             columns["time_s"] = (column - contents.zero_ns) / 1e9
             continue
@@ -136,18 +149,18 @@ def block_columns(contents: Contents, steps: list[Step]) -> Columns:
     return columns
 
 
-def _controller(contents: Contents, step: Step) -> int:
+def _controller(contents: PackedSteps, step: Step) -> int:
     return -1 if step.decision is None else _place(contents.controllers, step.decision.controller)
 
 
-def _command_words(contents: Contents, step: Step) -> int:
+def _command_words(contents: PackedSteps, step: Step) -> int:
     if step.command is None:
         return -1
     wheels = step.command[3:5]
     return _place(contents.commands, f"{speed_of(*wheels)} {motion_of(*wheels).value}".strip())
 
 
-def _tree(contents: Contents, step: Step, behavior: int) -> int:
+def _tree(contents: PackedSteps, step: Step, behavior: int) -> int:
     output = step.outputs[behavior]
     return -1 if output is None else _place(contents.tree_hashes, output.tree_hash)
 
@@ -162,18 +175,16 @@ def _place(known: list[str], value: str) -> int:
     return len(known) - 1
 
 
-def page_data(contents: Contents) -> dict[str, Any]:
+def page_data(contents: PackedSteps, blocks: Sequence[tuple[int, int]]) -> dict[str, Any]:
     """The data of the page's script in addition to the blocks, as JSON values."""
     return {
-        "behaviors": [plain(name) for name in contents.run.behaviors],
+        "behaviors": [plain(name) for name in contents.recorded.behaviors],
         "steps": contents.steps,
-        "blocks": contents.blocks,
-        "packings": [[tuple(each) for each in packings] for packings in contents.packings],
-        "episodes": [_episode(episode) for episode in contents.episodes],
+        "blocks": blocks,
+        "packings": packing_data(contents),
+        "episodes": [episode_data(episode) for episode in contents.episodes],
         "phases": [phase.name.lower() for phase in sorted(Phase)],
-        "controllers": [plain(name) for name in contents.controllers],
-        "commands": contents.commands,
-        "trees": [_tree_words(contents.trees.get(tree_hash)) for tree_hash in contents.tree_hashes],
+        **word_data(contents),
         "field": {
             "half_length_m": FIELD.half_length_m,
             "half_width_m": FIELD.half_width_m,
@@ -188,7 +199,22 @@ def page_data(contents: Contents) -> dict[str, Any]:
     }
 
 
-def _episode(episode: Episode) -> dict[str, Any]:
+def packing_data(contents: PackedSteps) -> list[list[tuple[Any, ...]]]:
+    """How the blocks are packed, as JSON values."""
+    return [[tuple(each) for each in packings] for packings in contents.packings]
+
+
+def word_data(contents: PackedSteps) -> dict[str, Any]:
+    """What the indices in the columns stand for, as JSON values."""
+    return {
+        "controllers": [plain(name) for name in contents.controllers],
+        "commands": contents.commands,
+        "trees": [_tree_words(contents.trees.get(tree_hash)) for tree_hash in contents.tree_hashes],
+    }
+
+
+def episode_data(episode: Episode) -> dict[str, Any]:
+    """An episode as JSON values."""
     return {
         "index": episode.index,
         "first": episode.first_step,

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from string import Template
 from tempfile import TemporaryFile
 from typing import Any, TextIO
 
+from fbql_behaviors.core.tree import Tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping
 from fbql_fusion.core.parameters import FusionParameters
@@ -24,8 +25,12 @@ from fbql.report.contents import UNIT, Contents, counted, page_data, read_conten
 from fbql.report.texts import CONTROLLERS, FEATURES, NOT_AVAILABLE, html, json_for_html, table, value_text
 
 ASSETS = Path(__file__).parent / "assets"
-PROGRAM = ("data.js", "surface.js", "field.js", "moment.js", "timelines.js", "player.js", "main.js")
-"""In the order of their dependencies."""
+_PROGRAM = ("data.js", "surface.js", "field.js", "moment.js", "timelines.js", "player.js", "main.js")
+"""In the order of their dependencies; behind them comes what starts the page."""
+_WITHOUT_SCRIPT = (
+    '\n<noscript><p class="trouble">The tables below can be read without JavaScript; the field and the timelines need it.'
+    "</p></noscript>"
+)
 OUTCOMES = {"goal": ("●", "goal"), "own_goal": ("✕", "own goal"), "timeout": ("◆", "timeout")}
 """A sign and a word: never a colour alone."""
 
@@ -42,24 +47,17 @@ def write_page(run: Run, out: TextIO, progress: Callable[[int], None]) -> Conten
     """
     with TemporaryFile("w+", encoding="ascii") as blocks:
         contents = read_contents(run, blocks, progress)
-        style = (ASSETS / "page.css").read_text(encoding="utf-8")
-        program = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in PROGRAM)
-        program = f'(() => {{\n"use strict";\n{program}\n}})();'
-        page = Template((ASSETS / "page.html").read_text(encoding="utf-8"))
-        before, after = page.substitute(
-            policy=f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(program)}'",
-            style=style,
+        before, after = filled(
+            "start.js",
             title=html(run.path.resolve().name),  # `.` has a name too
             headline=_headline(contents),
             tiles=tiles(contents),
-            warnings=_warnings(contents),
-            senses=_senses(contents),
+            notes=_warnings(contents) + _WITHOUT_SCRIPT,
+            senses=senses(contents.trees.values()),
             controllers=_controllers(contents),
             episodes=_episodes(contents),
             about=_about(contents, _file_digests(run)),
-            precision=_precision(),
-            data=json_for_html(page_data(contents)),
-            program=program,
+            data=json_for_html(page_data(contents, contents.blocks)),
             blocks="\0",
         ).split("\0")
         out.write(before)
@@ -68,6 +66,23 @@ def write_page(run: Run, out: TextIO, progress: Callable[[int], None]) -> Conten
             out.write(f'<script type="text/plain" class="block">{line.rstrip()}</script>\n')
         out.write(after)
     return contents
+
+
+def filled(start: str, connect: str = "", **parts: str) -> str:
+    """The page with its parts, which are HTML already.
+
+    Args:
+        start: the script in `assets` that starts the page.
+        connect: the only address that the page may connect to, if there is one.
+        parts: what fills the template, by name.
+    """
+    style = (ASSETS / "page.css").read_text(encoding="utf-8")
+    program = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in (*_PROGRAM, start))
+    program = f'(() => {{\n"use strict";\n{program}\n}})();'
+    policy = f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(program)}'"
+    policy += f"; connect-src {connect}" if connect else ""
+    template = Template((ASSETS / "page.html").read_text(encoding="utf-8"))
+    return template.substitute(parts, policy=policy, style=style, program=program)
 
 
 def _hash(text: str) -> str:
@@ -86,17 +101,28 @@ def _headline(contents: Contents) -> str:
 
 def tiles(contents: Contents) -> str:
     """The result in numbers, counted from the recording."""
-    episodes = counted(contents.episodes)
+    return tiles_html(tile_values(contents.episodes))
+
+
+def tiles_html(values: Iterable[tuple[str, str, str]]) -> str:
+    """The tiles with these names, values and notes."""
+    parts = [f"<li><b>{value}</b> {name}<small>{note}</small></li>" for name, value, note in values]
+    return f'<ul class="tiles">{"".join(parts)}</ul>'
+
+
+def tile_values(all_episodes: Sequence[Episode]) -> list[tuple[str, str, str]]:
+    """The result of some episodes: name, value and note of each number."""
+    episodes = counted(all_episodes)
     outcomes = [episode.outcome for episode in episodes]
     known = any(outcomes)
     goals = outcomes.count("goal")
     steps = sum(episode.steps for episode in episodes)
-    guided = len(contents.episodes) - len(episodes)
+    guided = len(all_episodes) - len(episodes)
 
     def number(outcome: str) -> str:
         return f"{outcomes.count(outcome)}" if known else NOT_AVAILABLE
 
-    values = [
+    return [
         ("episodes", f"{len(episodes)}", f"and {guided} guided, not counted" if guided else ""),
         ("goals", number("goal"), f"{percent(goals / len(episodes))} of the episodes" if known else ""),
         ("own goals", number("own_goal"), ""),
@@ -104,8 +130,6 @@ def tiles(contents: Contents) -> str:
         ("steps per goal", f"{steps / goals:.0f}" if goals else NOT_AVAILABLE, "of all episodes"),
         ("collisions", _sum(episode.collisions_begun for episode in episodes), "with a wall"),
     ]
-    parts = [f"<li><b>{value}</b> {name}<small>{note}</small></li>" for name, value, note in values]
-    return f'<ul class="tiles">{"".join(parts)}</ul>'
 
 
 def _sum(values: Iterable[int | None]) -> str:
@@ -124,9 +148,7 @@ def _warnings(contents: Contents) -> str:
 
 def _controllers(contents: Contents) -> str:
     """What the controllers of the run do, in words, and what triggers the layers of Subsumption."""
-    parts = [
-        f"<p><b>{html(name)}.</b> {html(CONTROLLERS[name])}</p>" for name in contents.controllers if name in CONTROLLERS
-    ]
+    parts = [controllers_html(contents.controllers)]
     guided = any(episode.phase == "guided" for episode in contents.episodes)
     if guided:
         parts.append("<p>In <b>guided</b> episodes Subsumption drives, and the controller learns from it.</p>")
@@ -135,9 +157,14 @@ def _controllers(contents: Contents) -> str:
     return "\n".join(parts)
 
 
-def _senses(contents: Contents) -> str:
+def controllers_html(names: Iterable[str]) -> str:
+    """What some controllers do, in words, where they are of this project."""
+    return "\n".join(f"<p><b>{html(name)}.</b> {html(CONTROLLERS[name])}</p>" for name in names if name in CONTROLLERS)
+
+
+def senses(trees: Iterable[Tree]) -> str:
     """What the features in the rules mean, where they are features of this project."""
-    names = {feature.name for tree in contents.trees.values() for feature in tree.features}
+    names = {feature.name for tree in trees for feature in tree.features}
     known = [
         f"<div><dt>{name.replace('_', ' ')}</dt><dd>{FEATURES[name]}</dd></div>" for name in FEATURES if name in names
     ]
@@ -178,7 +205,8 @@ def _episodes(contents: Contents) -> str:
     head = ("episode", "phase", "outcome", "steps", "collisions", "steps in contact", "return", "seed")
     rows = [_episode_row(index, episode) for index, episode in enumerate(contents.episodes)]
     listed = table("Every episode of the recording", head, rows, (3, 4, 5, 6, 7))
-    return f'<div class="scrolls" tabindex="0" role="region" aria-label="Table of the episodes">{listed}</div>'
+    shown = f'<div class="scrolls" tabindex="0" role="region" aria-label="Table of the episodes">{listed}</div>'
+    return f"<section><h2>Episodes</h2>\n{shown}\n</section>"
 
 
 def _episode_row(place: int, episode: Episode) -> list[str]:
@@ -223,7 +251,7 @@ def _about(contents: Contents, digests: Mapping[str, str]) -> str:
         parts.append(_facts(f"Parameters of {html(node)}", _mapping(parameters).items()))
     if not run.parameters:
         parts.append(f"<p>Parameters: {NOT_AVAILABLE}, the recording has none.</p>")
-    return "\n".join(parts)
+    return f"<section><h2>The run</h2>\n{_precision()}\n{'\n'.join(parts)}\n</section>"
 
 
 def _file_digests(run: Run) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""A graph that plays is watched: the latest moment on the terminal, and in lockstep the pace of the match.
+"""A graph that plays is watched: its latest moment is shown, and in lockstep the pace of the match is set.
 
 In lockstep the simulator steps when a command comes, so whoever holds commands back sets the pace: the simulator hears
 `watch/wheel_command` instead of `wheel_command`, and this passes on what fusion published, byte for byte, when it is due.
@@ -8,13 +8,12 @@ on when a message comes. In real time the simulator keeps its own clock: it is w
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from time import monotonic
 
-from fbql_behaviors.core.tree import Tree
 from fbql_common.core.topic_names import DECISION, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_common.qos import STEP_QOS
@@ -26,7 +25,7 @@ from fbql.cli.output import output_aside
 from fbql.graph.launch import PACED_COMMAND
 from fbql.graph.observer import Observer
 from fbql.watch.pace import Pace
-from fbql.watch.terminal import END_S, MatchScreen
+from fbql.watch.view import END_S, View
 
 _LOOK_S = 1 / 60
 """Longest time between two checks of the keys [s]."""
@@ -34,17 +33,16 @@ _SHORTEST_LOOK_S = 0.0005
 
 
 class LiveWatch:
-    """A view of a graph that plays.
-
-    Making it raises BadInput for a terminal that can't be drawn on.
+    """A graph that plays, in a view.
 
     Args:
-        trees: of the behaviors.
         sets_pace: whether the match waits for it (lockstep).
+        takes_terminal: whether the view is on the terminal, so that nothing else must be printed there.
     """
 
-    def __init__(self, trees: Iterable[Tree], sets_pace: bool) -> None:
-        self._screen = MatchScreen(trees)
+    def __init__(self, view: View, sets_pace: bool, takes_terminal: bool) -> None:
+        self._screen = view
+        self._takes_terminal = takes_terminal
         self._pace = Pace(1.0, monotonic, catches_up=False)
         self._sets_pace = sets_pace
         self._screen.pace = self._pace if sets_pace else None
@@ -57,10 +55,15 @@ class LiveWatch:
         self._after_end: dict[str, bytes] | None = None
         """What comes while the end of an episode is shown, by topic."""
         self.is_on = False
-        """Whether it is on the screen."""
+        """Whether it is shown."""
         self._left = False
         """Whether the person has enough of it."""
         self._closing = ExitStack()
+
+    @property
+    def takes_terminal(self) -> bool:
+        """Whether it is on the terminal, where nothing else can be shown."""
+        return self.is_on and self._takes_terminal
 
     @property
     def holds(self) -> bool:
@@ -78,13 +81,13 @@ class LiveWatch:
 
     @contextmanager
     def on_screen(self, log: Path) -> Generator[None]:
-        """A context in which the match is on the screen, until the person has enough of it.
+        """A context in which the match is shown, until the person has enough of it.
 
         Args:
             log: takes what would be printed into the picture.
         """
         with self._closing:
-            self._closing.enter_context(output_aside(log))
+            self._closing.enter_context(output_aside(log) if self._takes_terminal else nullcontext())
             self._closing.enter_context(self._screen)
             self.is_on = True
             try:
@@ -126,9 +129,8 @@ class LiveWatch:
         if self._after_end is not None:
             self._after_end[topic] = data
             return
-        moments = self._screen.moments
-        moments.hear(topic, data)
-        if self._sets_pace and topic == DECISION and moments.has_ended and not self._pace.hurries:
+        self._screen.hear(topic, data)
+        if self._sets_pace and topic == DECISION and self._screen.moments.has_ended and not self._pace.hurries:
             self._after_end = {}
             self._pace.linger(END_S)
 
@@ -149,7 +151,7 @@ class LiveWatch:
 
     def _pass_on(self) -> None:
         """Sends the command that waits, if it is due: at once when nobody watches any more."""
-        if self._waits and (self._left or (self.is_on and self._pace.ask(self._place[0]))):
+        if self._waits and (self._left or (self.is_on and self._screen.ready and self._pace.ask(self._place[0]))):
             self._waits = False
             self._send()
             world = self._screen.moments.world
@@ -160,7 +162,7 @@ class LiveWatch:
         """Shows what came while the end of the last episode was shown."""
         kept, self._after_end = self._after_end, None
         for topic, data in (kept or {}).items():
-            self._screen.moments.hear(topic, data)
+            self._screen.hear(topic, data)
 
     def _send(self) -> None:
         if self._publisher is not None:

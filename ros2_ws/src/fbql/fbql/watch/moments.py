@@ -15,7 +15,8 @@ from fbql_common.wire import NS, Rejected, decode_command, decode_decision, deco
 
 from fbql.watch.picture import TRAIL_EVERY, TRAIL_POINTS, Trail
 
-_TOPIC = re.compile(rf"(?:^|/)({WORLD}|{DECISION}|{WHEEL_COMMAND}|behaviors/[^/]+)\Z")
+TOPIC = re.compile(rf"(?:^|/)({WORLD}|{DECISION}|{WHEEL_COMMAND}|behaviors/[^/]+)\Z")
+"""The topics of a step, in whatever namespace; its group is the name within it."""
 
 
 @dataclass
@@ -52,7 +53,7 @@ class Moments:
 
     def hear(self, topic: str, data: bytes) -> None:
         """Takes a message; those of other topics, and those that no node would act on, change nothing."""
-        found = _TOPIC.search(topic)
+        found = TOPIC.search(topic)
         if found is None:
             return
         try:

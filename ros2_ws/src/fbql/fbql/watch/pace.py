@@ -11,6 +11,8 @@ POLL_S = 0.02
 """Time between two checks of the keys while there is nothing to wait for [s]."""
 SLOWEST, FASTEST = 1 / 16, 64.0
 """Where slower and faster end; beyond the fastest rate comes as fast as possible."""
+RATES = (*(2.0**power for power in range(-4, 7)), 0.0)
+"""What slower and faster lead through, beginning with real time; 0: as fast as possible."""
 _WAIT_S = 0.1
 _LATE_S = 0.1
 """What is later than this is not made up for, where nothing should rush [s]."""
@@ -120,6 +122,10 @@ class Pace:
             # Time passes between two looks at the clock: a message may have become due.
             self._look(_WAIT_S if self.is_paused else min(max(self.left_s(time_ns), 0.0), _WAIT_S))
         return not self.quit
+
+    def idle(self) -> None:
+        """Looks for keys for a moment, while there is nothing to wait for."""
+        self._look(_WAIT_S)
 
     def _await(self, time_ns: int) -> None:
         if time_ns == self._next_ns:

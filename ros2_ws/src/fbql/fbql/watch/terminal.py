@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 from collections.abc import Iterable
 from time import monotonic
 from types import TracebackType
@@ -15,9 +16,6 @@ from fbql.watch.match import match_page
 from fbql.watch.moments import Moments
 from fbql.watch.pace import Pace
 from fbql.watch.page import PICTURE_S
-
-END_S = 1.0
-"""How long the end of an episode is shown [s]."""
 
 
 class MatchScreen:
@@ -53,12 +51,20 @@ class MatchScreen:
         """Whether the terminal was closed."""
         return self._screen.gone
 
-    def fileno(self) -> int:
-        """What to wait for keys on."""
-        return self._screen.fileno()
+    @property
+    def ready(self) -> bool:
+        """Whether somebody sees it: whoever has started the command."""
+        return True
 
-    def keys(self) -> list[Key]:
-        """The keys pressed since the last call; a terminal that was closed counts as quitting."""
+    def hear(self, topic: str, data: bytes) -> None:
+        """Takes a message of the match."""
+        self.moments.hear(topic, data)
+
+    def keys(self, patience_s: float = 0.0) -> list[Key]:
+        """The keys pressed since the last call; waits at most this long [s] for them. A terminal that was closed counts as
+        quitting."""
+        if patience_s > 0.0:
+            select.select([self._screen], [], [], patience_s)
         self._screen.stopped()
         return [Key.FINISH] if self._screen.gone else self._screen.pressed()
 

@@ -44,14 +44,26 @@ def episodes_of(steps: Iterable[Step]) -> Iterator[Episode]:
     """The episodes of a recording, each as it ends; an episode that restarted occurs twice."""
     episode: Episode | None = None
     for index, step in enumerate(steps):
-        begins = episode is None or step.episode != episode.index or step.step <= episode.steps
-        if episode is None or begins or step.begins_again:
-            if episode is not None:
-                yield episode
-            episode = Episode(step.episode, index, begin_ns=step.stamp_ns)
-        _add(episode, step)
+        now = episode_with(episode, index, step)
+        if episode is not None and now is not episode:
+            yield episode
+        episode = now
     if episode is not None:
         yield episode
+
+
+def episode_with(episode: Episode | None, index: int, step: Step) -> Episode:
+    """The episode that a step belongs to, with the step in it: the one before it, or a new one.
+
+    Args:
+        episode: that of the step before; None for the first step.
+        index: of the step among those of the recording.
+    """
+    begins = episode is None or step.episode != episode.index or step.step <= episode.steps
+    if episode is None or begins or step.begins_again:
+        episode = Episode(step.episode, index, begin_ns=step.stamp_ns)
+    _add(episode, step)
+    return episode
 
 
 def _add(episode: Episode, step: Step) -> None:

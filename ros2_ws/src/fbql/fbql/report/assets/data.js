@@ -37,27 +37,29 @@ async function readColumns() {
   const scripts = [...document.querySelectorAll("script.block")];
   let begin = 0;
   for (const [index, [rows, packing]] of run.blocks.entries()) {
-    const planes = await inflated(bytesOf(scripts[index].textContent));
+    await readBlock(scripts[index].textContent, rows, packing, begin, run.steps);
     scripts[index].remove();
-    const packings = run.packings[packing];
-    if (planes.length !== 4 * rows * packings.length) throw new Error(`block ${index} is damaged`);
-    packings.forEach(([name, unit], k) => {
-      const whole = columnOf(name, unit).whole;
-      restore(planes.subarray(4 * rows * k, 4 * rows * (k + 1)), whole.subarray(begin, begin + rows));
-    });
     begin += rows;
   }
 }
 
-function columnOf(name, unit) {
-  if (!columns.has(name)) {
-    const whole = new Int32Array(run.steps);
-    const floats = new Float32Array(whole.buffer);
-    if (unit === 0) floats.fill(NaN);
-    else whole.fill(NOT_AVAILABLE);
-    columns.set(name, { whole, unit, floats });
-  }
-  return columns.get(name);
+/** Puts a block of steps into the columns, from row `begin` on; new columns get so much room. */
+async function readBlock(text, rows, packing, begin, room) {
+  const planes = await inflated(bytesOf(text));
+  const packings = run.packings[packing];
+  if (planes.length !== 4 * rows * packings.length) throw new Error(`the block from step ${begin} on is damaged`);
+  packings.forEach(([name, unit], k) => {
+    if (!columns.has(name)) columns.set(name, emptyColumn(unit, room));
+    restore(planes.subarray(4 * rows * k, 4 * rows * (k + 1)), columns.get(name).whole.subarray(begin, begin + rows));
+  });
+}
+
+function emptyColumn(unit, room) {
+  const whole = new Int32Array(room);
+  const floats = new Float32Array(whole.buffer);
+  if (unit === 0) floats.fill(NaN);
+  else whole.fill(NOT_AVAILABLE);
+  return { whole, unit, floats };
 }
 
 function bytesOf(base64) {

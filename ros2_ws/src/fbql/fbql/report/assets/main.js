@@ -14,8 +14,9 @@ const KEYS = [
 ];
 const byId = (id) => document.getElementById(id);
 
-function main() {
-  const player = new Player(() => show());
+/** Makes the page work, with the player that `makePlayer` makes; returns what draws it anew when steps have come. */
+function main(makePlayer = (changed) => new Player(changed)) {
+  const player = makePlayer(() => show());
   const [field, moment] = [new Field(byId("field")), new Moment()];
   const timelines = new Timelines((step) => player.seek(step));
   const rows = [...document.querySelectorAll("[data-episode]")];
@@ -44,14 +45,17 @@ function main() {
     scrub.setAttribute("aria-valuetext", `step ${scrub.value} of ${scrub.max}, episode ${episode.index}`);
     byId("scrub-words").textContent = `Episode ${episode.index}: step ${scrub.value} of ${scrub.max}`;
     byId("speed").value = player.speed;
-    byId("play").textContent = player.playing ? "❚❚ Pause" : "▶ Play";
-    byId("play").setAttribute("aria-label", player.playing ? "Pause" : "Play");
+    byId("play").textContent = player.does.join(" ");
+    byId("play").setAttribute("aria-label", player.does[1]);
     if (document.activeElement !== byId("second")) byId("second").value = number(value("time_s", step), 2);
-    for (const [button, name, direction] of jumpButtons) button.disabled = player.target(name, direction) === undefined;
+    for (const [button, name, direction, words] of jumpButtons) {
+      button.disabled = player.target(name, direction) === undefined;
+      words.textContent = jumpWords(player, name);
+    }
     byId("why").setAttribute("aria-live", player.playing ? "off" : "polite");
     if (episode !== shown) rows.forEach((row) => mark(row, run.episodes[row.dataset.episode] === episode));
     shown = episode;
-    if (!player.playing) history.replaceState(null, "", `#step=${step}`);
+    if (!player.playing && !player.live) history.replaceState(null, "", `#step=${step}`);
   }
 
   makeControls(player);
@@ -73,8 +77,12 @@ function main() {
   byId("loading").remove();
   byId("player").removeAttribute("aria-busy");
   redraw();
-  player.seek(addressed(0));
+  player.seek(addressed(player.step));
   draw();
+  return (episode) => {
+    timelines.renew(episode);
+    show();
+  };
 }
 
 /** The step in the page's address. */
@@ -100,11 +108,8 @@ function legend() {
 }
 
 function makeControls(player) {
-  byId("speed").append(...SPEEDS.map((speed) => element("option", { text: `${speed}×`, value: speed })));
-  byId("speed").addEventListener("change", (event) => {
-    player.speed = Number(event.target.value);
-    player.changed();
-  });
+  fillSpeeds(player);
+  byId("speed").addEventListener("change", (event) => player.setSpeed(Number(event.target.value)));
   byId("play").addEventListener("click", () => player.toggle());
   byId("back").addEventListener("click", () => player.seek(player.step - 1));
   byId("forth").addEventListener("click", () => player.seek(player.step + 1));
@@ -114,10 +119,20 @@ function makeControls(player) {
   });
 }
 
+function fillSpeeds(player) {
+  byId("speed").replaceChildren(...player.speeds.map(([speed, text]) => element("option", { text, value: speed })));
+}
+
+function jumpWords(player, name) {
+  const words = JUMPS.find(([each]) => each === name)[1];
+  return `${words} (${name === "episode" || anywhere("has_world") ? player.targets[name].length : "n/a"})`;
+}
+
 function makeJumps(player) {
   const buttons = [];
   for (const [name, words, key] of JUMPS) {
     const plain = words.replace(/^\W /, "");
+    const counted = element("b");
     const [before, after] = [-1, 1].map((direction) => {
       const label = `${direction < 0 ? "Previous" : "Next"} ${plain}`;
       const shortcut = direction < 0 ? `Shift+${key.toUpperCase()}` : key.toUpperCase();
@@ -126,12 +141,10 @@ function makeJumps(player) {
         "aria-label": label, "aria-keyshortcuts": shortcut, title: `${label} (${shortcut})`,
       });
       button.addEventListener("click", () => player.jump(name, direction));
-      buttons.push([button, name, direction]);
+      buttons.push([button, name, direction, counted]);
       return button;
     });
-    const known = name === "episode" || anywhere("has_world");
-    const count = known ? player.targets[name].length : "n/a";
-    byId("jumps").append(element("span", {}, before, element("b", { text: `${words} (${count})` }), after));
+    byId("jumps").append(element("span", {}, before, counted, after));
   }
   return buttons;
 }
@@ -156,11 +169,9 @@ function trouble(words) {
   byId("player").hidden = true;
 }
 
-if (!window.DecompressionStream || !Array.prototype.findLast) {
+/** Whether this browser can unpack steps; if not, says which ones can. */
+function canUnpack() {
+  if (window.DecompressionStream && Array.prototype.findLast) return true;
   trouble("This browser is too old to unpack the steps; the page needs Chrome or Edge 103, Firefox 113, Safari 16.4, or newer. The tables below can be read.");
-} else {
-  readColumns().then(main).catch((error) => {
-    trouble(`The steps can't be shown: ${error.message}. The tables below can be read.`);
-    throw error;
-  });
+  return false;
 }

@@ -91,6 +91,7 @@ function choice(driver, step) {
 
 /** Why the command is what it is, in words. */
 function why(step) {
+  if (run.shown) return `The instructor shows ${run.shown}. The command: ${run.commands[place("command_words", step)] ?? "n/a"}.`;
   if (!flag("has_decision", step)) return "The decision at this step is not in the recording.";
   const driver = place("driver", step);
   const motion = run.commands[place("command_words", step)] ?? "n/a";
@@ -151,10 +152,10 @@ class Moment {
   }
 
   draw(step, episode) {
-    const outcome = OUTCOMES[episode.outcome] ?? "n/a";
+    const ended = episode.running ? "" : `, ended: ${OUTCOMES[episode.outcome] ?? "n/a"}`;
     this.when.textContent =
-      `Second ${number(value("time_s", step), 3)} · episode ${episode.index} (${episode.phase ?? "n/a"}, ended: ${outcome}) · ` +
-      `step ${brief(value("step", step))} of ${episode.steps}`;
+      `Second ${number(value("time_s", step), 3)} · episode ${episode.index} (${episode.phase ?? "n/a"}${ended}) · ` +
+      `step ${brief(value("step", step))}${episode.running ? "" : ` of ${episode.steps}`}`;
     this.why.textContent = why(step);
     this.cards.forEach((card, k) => {
       const weight = value(`weights.${k}`, step);

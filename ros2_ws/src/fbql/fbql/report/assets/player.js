@@ -1,6 +1,6 @@
 // Which step is shown, and how time passes.
 
-const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8, 16, 32];
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8, 16, 32].map((speed) => [speed, `${speed}×`]);
 const LONGEST_GAP_S = 1;
 const REDUCED_MS = 250;
 const JUMPS = [
@@ -15,12 +15,18 @@ class Player {
   constructor(changed) {
     this.changed = changed;
     this.step = 0;
+    this.speeds = SPEEDS;
     this.speed = 1;
     this.playing = false;
     this.clock = playingTimes();
     this.reduced = matchMedia("(prefers-reduced-motion: reduce)");
     this.targets = Object.fromEntries(JUMPS.map(([name, , , found]) => [name, found === null ? [] : stepsWhere(found)]));
     this.targets.episode = run.episodes.map((episode) => episode.first);
+  }
+
+  /** What the button does that plays and pauses: its sign and its word. */
+  get does() {
+    return this.playing ? ["❚❚", "Pause"] : ["▶", "Play"];
   }
 
   get episode() {
@@ -54,7 +60,12 @@ class Player {
   }
 
   faster(by) {
-    this.speed = SPEEDS[Math.min(SPEEDS.length - 1, Math.max(0, SPEEDS.indexOf(this.speed) + by))];
+    const place = this.speeds.findIndex(([speed]) => speed === this.speed) + by;
+    this.setSpeed(this.speeds[Math.min(this.speeds.length - 1, Math.max(0, place))][0]);
+  }
+
+  setSpeed(speed) {
+    this.speed = speed;
     this.changed();
   }
 
@@ -95,8 +106,8 @@ function playingTimes() {
   return times;
 }
 
-function stepsWhere(found) {
+function stepsWhere(found, begin = 0) {
   const steps = [];
-  for (let i = 0; i < run.steps; i++) if (found(i)) steps.push(i);
+  for (let i = begin; i < run.steps; i++) if (found(i)) steps.push(i);
   return steps;
 }

@@ -4,14 +4,16 @@ const [LEFT, RIGHT] = [46, 8];
 const OUTCOMES = { goal: "● goal", own_goal: "✕ own goal", timeout: "◆ timeout" };
 
 class Strip {
-  /** words: of the caption; paint(strip): draws the content; moved(share): somebody points at a place. */
+  /** words(): of the caption; paint(strip): draws the content; moved(share): somebody points at a place. */
   constructor(parent, words, height, paint, moved) {
     this.height = height;
+    this.words = words;
     this.paint = paint;
     this.canvas = element("canvas", { role: "img" });
-    this.caption = element("figcaption", { text: words });
+    this.caption = element("figcaption");
     this.cursor = element("div", { kind: "cursor", hidden: "" });
-    parent.append(element("figure", { kind: "strip" }, this.caption, this.canvas, this.cursor));
+    this.figure = element("figure", { kind: "strip" }, this.caption, this.canvas, this.cursor);
+    parent.append(this.figure);
     const point = (event) => {
       const box = this.canvas.getBoundingClientRect();
       moved(Math.min(1, Math.max(0, (event.clientX - box.left - LEFT) / (box.width - LEFT - RIGHT))));
@@ -24,6 +26,7 @@ class Strip {
   }
 
   draw() {
+    this.caption.textContent = this.words();
     const { pen, width, height } = surface(this.canvas, this.height);
     Object.assign(this, { pen, width, inner: width - LEFT - RIGHT });
     this.top = 6;
@@ -84,7 +87,7 @@ class Timelines {
   /** seek(step): somebody wants to go there. */
   constructor(seek) {
     this.seek = seek;
-    this.means = run.episodes.map((episode) => meanWeights(episode));
+    this.means = [];
     const inEpisode = document.getElementById("episode-strips");
     const inRun = document.getElementById("run-strips");
     const within = (share) => seek(this.episode.first + Math.round(share * (this.episode.count - 1)));
@@ -94,27 +97,35 @@ class Timelines {
     };
     const names = run.behaviors.map((name, k) => `${signOf(k)} ${name}`).join("  ");
     this.within = [
-      new Strip(inEpisode, `${TITLES[told()]} (stacked): ${names}`, 110, (strip) => this.weights(strip), within),
-      new Strip(inEpisode, "Rewards, and ▼ collisions", 84, (strip) => this.rewards(strip), within),
+      new Strip(inEpisode, () => `${TITLES[this.told]} (stacked): ${names}`, 110, (strip) => this.weights(strip), within),
+      new Strip(inEpisode, () => "Rewards, and ▼ collisions", 84, (strip) => this.rewards(strip), within),
+      (this.ofQ = new Strip(inEpisode, () => "Q of each behavior", 84, (strip) => this.q(strip), within)),
     ];
-    if (columns.has("q.0") && columns.get("q.0").floats.some((q) => !Number.isNaN(q)))
-      this.within.push(new Strip(inEpisode, "Q of each behavior", 84, (strip) => this.q(strip), within));
     const bars = (name) => (strip) => this.bars(strip, name);
     this.among = [
-      new Strip(inRun, `${TITLES[told()]}, mean of each episode (stacked): ${names}`, 110, (strip) => this.meanWeights(strip), among),
-      new Strip(inRun, "Reward: sum of each episode", 84, bars("return"), among),
-      new Strip(inRun, "Steps of each episode: ● goal, ✕ own goal, ◆ timeout, – no end recorded", 110, (strip) => this.steps(strip), among),
-      new Strip(inRun, "Collisions of each episode", 84, bars("collisions"), among),
+      new Strip(inRun, () => `${TITLES[this.told]}, mean of each episode (stacked): ${names}`, 110, (strip) => this.meanWeights(strip), among),
+      new Strip(inRun, () => "Reward: sum of each episode", 84, bars("return"), among),
+      new Strip(inRun, () => "Steps of each episode: ● goal, ✕ own goal, ◆ timeout, – no end recorded", 110, (strip) => this.steps(strip), among),
+      new Strip(inRun, () => "Collisions of each episode", 84, bars("collisions"), among),
     ];
   }
 
   draw(step, episode) {
     if (episode !== this.episode || this.stale) {
       this.episode = episode;
-      for (const strip of [...this.within, ...this.among]) strip.draw();
+      if (told() !== this.told) this.means = [];
+      this.told = told();
+      this.ofQ.figure.hidden = !(columns.has("q.0") && columns.get("q.0").floats.some((q) => !Number.isNaN(q)));
+      for (const strip of [...this.within, ...this.among]) if (!strip.figure.hidden) strip.draw();
       this.stale = false;
     }
     this.within.forEach((strip) => strip.mark(this.share(step)));
+  }
+
+  /** Steps have come, or were forgotten: the episodes from this one on are not what they were. */
+  renew(episode) {
+    this.means.length = Math.min(this.means.length, episode);
+    this.stale = true;
   }
 
   share(step) {
@@ -129,7 +140,7 @@ class Timelines {
     const bins = Math.min(count, Math.floor(strip.inner));
     for (let bin = 0; bin < bins; bin++) {
       const [from, to] = [Math.floor((bin * count) / bins), Math.floor(((bin + 1) * count) / bins)];
-      stack(strip, strip.x(bin / bins), strip.x((bin + 1) / bins), mean(told(), first + from, first + to), fills);
+      stack(strip, strip.x(bin / bins), strip.x((bin + 1) / bins), mean(this.told, first + from, first + to), fills);
     }
     strip.canvas.setAttribute("aria-label", `Weights over the ${count} steps of episode ${this.episode.index}`);
   }
@@ -205,7 +216,10 @@ class Timelines {
     if (!anywhere("has_decision")) return strip.missing();
     strip.axis(0, 1, [0, 0.5, 1]);
     const fills = run.behaviors.map((_, k) => hatched(strip.pen, k));
-    this.each(strip, (episode, from, to, k) => stack(strip, from, to, this.means[k], fills));
+    this.each(strip, (episode, from, to, k) => {
+      this.means[k] ??= mean(this.told, episode.first, episode.first + episode.count);
+      stack(strip, from, to, this.means[k], fills);
+    });
     strip.canvas.setAttribute("aria-label", `Mean weights of ${run.episodes.length} episodes`);
   }
 
@@ -240,10 +254,6 @@ class Timelines {
 }
 
 const TITLES = { weights: "Weights", learned_weights: "Learned weights" };
-
-function meanWeights(episode) {
-  return mean(told(), episode.first, episode.first + episode.count);
-}
 
 /** The weights that tell why: those that were learned, where there are some; else those that made the command. */
 function told() {
