@@ -46,6 +46,8 @@ DOCUMENTS = {
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"`([^`\n]+)`")
+OF_STUDIES = {"experiment": "fbql_studies.experiment", "sweep": "fbql_studies.sweep.command"}
+"""Commands of another package than fbql -> their modules."""
 COMMAND = re.compile(r"(?:python3 scripts/(?=\w+\.py)|(?:ros2 run )?fbql )(\w+)(?:\.py)?\b(.*)")
 EXECUTABLE = re.compile(r"ros2 run (fbql_\w+) (\w+)")
 PLACE = re.compile(r"(?<![\w/.])((?:scripts(?!/[A-Z]+\.)|docs|tests|benchmarks|cmake|ros2_ws)/[\w./*-]*\w|\.ci/run)")
@@ -156,7 +158,7 @@ def test_every_package_has_a_readme_and_the_main_one_leads_to_every_document() -
 
 def test_the_readme_names_every_command_and_shows_few_results() -> None:
     text = (ROOT / "README.md").read_text()
-    for name in (*COMMANDS, "experiment"):
+    for name in (*COMMANDS, *OF_STUDIES):
         assert re.search(rf"^\| `{name}\b", text, re.MULTILINE), name
     results = text.partition("## Results")[2].partition("\n## ")[0]
     assert len([line for line in results.splitlines() if line.startswith("|")]) - 2 <= 8
@@ -206,7 +208,7 @@ def test_every_command_line_is_one_that_its_command_takes(path: Path) -> None:
         for line in block.replace("\\\n", " ").splitlines():
             found = COMMAND.match(line)
             if found and found[1] != "test":
-                module = "fbql_studies.experiment" if found[1] == "experiment" else f"fbql.commands.{found[1]}"
+                module = OF_STUDIES.get(found[1], f"fbql.commands.{found[1]}")
                 try:
                     importlib.import_module(module).parser(found[1]).parse_args(shlex.split(found[2], comments=True))
                 except SystemExit:

@@ -16,6 +16,7 @@ COMMANDS = (
     "recover",
     "replay",
     "report",
+    "sweep",
     "train",
     "tree",
     "tune",

@@ -29,5 +29,5 @@ setup(
         "test": ["pytest"],
     },
     zip_safe=False,
-    entry_points={"fbql.commands": ["experiment = fbql_studies.experiment"]},
+    entry_points={"fbql.commands": ["experiment = fbql_studies.experiment", "sweep = fbql_studies.sweep.command"]},
 )

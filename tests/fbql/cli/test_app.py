@@ -114,6 +114,6 @@ def test_every_command_is_in_the_package_and_has_a_door() -> None:
     from places import ROOT  # the tests' own, not fbql.cli.places
 
     setup = (ROOT / "ros2_ws/src/fbql/setup.py").read_text()
-    for name in (*app.COMMANDS, "experiment"):
+    for name in (*app.COMMANDS, "experiment", "sweep"):
         assert f'"{name}"' in setup
         assert (ROOT / "scripts" / f"{name}.py").is_file()

@@ -65,6 +65,7 @@ WRITERS = {
     "report, figures": Writer(["{inputs}/run", "--out", "{disk}/page.html", "--figures"]),
     "compare": Writer(["{inputs}/run", "{inputs}/other", "--figure", "{disk}/figure.svg", "--force"], ("figure.svg",)),
     "experiment": Writer(["probe", "--place", "{inputs}", "--out", "{disk}/study", "--jobs", "2"]),
+    "sweep": Writer(["--seeds", "1", "--controller", "subsumption", "--episodes", "1", "--out", "{disk}/sweep", "--jobs", "1"]),
     "bringup": Writer(
         ["--controller", "subsumption", "--episodes", "1", "--processes", "one", "--out", "{disk}/run"],
         fills=[(0, MANY), (4, MANY), (24, MANY), (MANY, 0), (MANY, 5)],
@@ -135,7 +136,7 @@ def check(name: str, report: dict[str, Any], before: dict[str, str], whole: dict
     if report["code"] == 3:
         assert files.keys() <= whole.keys(), report
         assert '"incomplete": true' in files["run/summary.json"], report
-    elif name == "experiment":  # whole results stay: the same command resumes
+    elif name in ("experiment", "sweep"):  # whole results stay: the same command resumes
         assert files.keys() <= whole.keys(), report
         assert all(json.loads(text) for file, text in files.items() if file.endswith(".json")), report
         assert 0 not in report["free"] or not files, "there was no room to begin"

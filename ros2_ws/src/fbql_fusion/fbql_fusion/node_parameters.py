@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from fbql_common.core.parameters import parameter
 
+DEFAULT_GOALS = 10
+"""How many goals end a match of which nothing else says how long it is."""
+
 
 @dataclass(frozen=True)
 class FusionNodeParameters:
@@ -17,7 +20,11 @@ class FusionNodeParameters:
         "empty: runs/TIME-CONTROLLER-sSEED in the working directory",
     )
     record: bool = parameter(True, "whether the run is recorded to MCAP")
-    policy: str = parameter("", "policy.npz of an earlier run to start from; empty: none")
+    policy: str = parameter(
+        "",
+        "policy.npz of an earlier run to start from, or shipped; empty or none: untrained. A node that is not given it starts "
+        "from the shipped one if it plays fbql with the usual behaviors, as bringup does",
+    )
     controller_file: str = parameter(
         "", "FILE.py:NAME of your own controller; empty: one of this package or of an installed one"
     )

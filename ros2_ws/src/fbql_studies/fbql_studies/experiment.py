@@ -13,7 +13,7 @@ from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupted, Interrupts
 from fbql.cli.missing import what_is_missing
 from fbql.cli.output import complain, print_result, say, warn
-from fbql.cli.parser import Parser, output_path
+from fbql.cli.parser import Parser, add_json_option, output_path
 from fbql.cli.places import RUNS
 from fbql.statistics.tables import Table, as_markdown, as_text
 from fbql_common.core.errors import BadInput
@@ -23,25 +23,36 @@ from fbql_recording.run_directory import own_revision
 
 from fbql_studies.runner.store import Store
 from fbql_studies.runner.study import STUDIES, Result, Study, StudyTask, study_of
-from fbql_studies.runner.workers import TaskEnd, run_locally, run_on_cluster
+from fbql_studies.runner.workers import TaskEnd, run_locally, run_on_cluster, time_left_s
 
 _RUNNER_OPTIONS = ("study", "jobs", "out", "scheduler", "json")
 
 
 def run(options: Any, interrupts: Interrupts) -> int:
     """Runs the remaining tasks, and reports the whole study. Returns 0, or 1 if a task failed."""
+    out = options.out or RUNS / f"study-{options.study}"
+    return run_study(options.study, STUDIES[options.study], study_of(options.study), options, out, interrupts)
+
+
+def run_study(name: str, module: str, study: Study, options: Any, out: Path, interrupts: Interrupts) -> int:
+    """Runs the remaining tasks of a study, and reports the whole study. Returns 0, or 1 if a task failed.
+
+    Args:
+        module: the study's module, which workers can import.
+        options: the study's own, and those of `add_runner_options`.
+        out: directory of the results.
+    """
     if options.jobs is not None and options.scheduler:
         complain("--jobs has no effect with --scheduler: the cluster's workers are used")
     if options.jobs is None:
         options.jobs = usable_cores()
     if options.jobs < 1:
         raise BadInput(f"--jobs is {options.jobs}; it must be 1 or more")
-    study = study_of(options.study)
     tasks = study.tasks(options)
-    out = (options.out or RUNS / f"study-{options.study}").absolute()
-    own = {name: value for name, value in vars(options).items() if name not in _RUNNER_OPTIONS}
-    with Store(out, {"study": options.study, "options": json.loads(json.dumps(own, default=str))}) as store:
-        _run(options, store, tasks, interrupts)
+    out = out.absolute()
+    own = {key: value for key, value in vars(options).items() if key not in _RUNNER_OPTIONS}
+    with Store(out, {"study": name, "options": json.loads(json.dumps(own, default=str))}) as store:
+        _run(module, options, store, tasks, interrupts)
         results = {task.key: result for task in tasks if (result := store.result_of(task.key)) is not None}
         if interrupts.came and len(results) < len(tasks):
             raise Interrupted("stopped; the same command resumes from here")
@@ -49,9 +60,9 @@ def run(options: Any, interrupts: Interrupts) -> int:
         table = study.table(results)
         shown = study.words(table)
         summary = {
-            "study": options.study,
+            "study": name,
             "table": table,
-            "columns": {name: study.COLUMNS[name] for name in dict.fromkeys(name for row in table for name in row)},
+            "columns": {each: study.COLUMNS[each] for each in dict.fromkeys(column for row in table for column in row)},
             "out": str(out),
             "options": own,
             "git_revision": ", ".join(store.revisions()) or "unknown",
@@ -88,23 +99,30 @@ def parser(program: str) -> Parser:
         study = study_of(name)
         own = studies.add_parser(name, help=study.DESCRIPTION, description=study.DESCRIPTION)
         study.add_options(own)
-        own.add_argument(
-            "--jobs", type=int, metavar="N", help="workers on this machine (as many as cores that it may use)"
-        )
-        own.add_argument(
-            "--scheduler",
-            metavar="ADDRESS",
-            help="run on the Dask cluster of this scheduler instead (docs/studies.md describes how to start one; scheduler "
-            "and workers need this project installed)",
-        )
-        own.add_argument(
-            "--out",
-            type=output_path,
-            metavar="DIR",
-            help=f"directory of the results (runs/study-{name}); one with fewer seeds or trees is extended",
-        )
-        own.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
+        add_runner_options(own, f"runs/study-{name}", "fewer seeds or trees")
     return result
+
+
+def add_runner_options(parser: Parser, out: str, fewer: str) -> None:
+    """Adds the options of running a study.
+
+    Args:
+        out: where the results go by default.
+        fewer: what an earlier run may have had fewer of, to be extended.
+    """
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="workers on this machine (as many as cores that it may use)"
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="run on the Dask cluster of this scheduler instead (docs/studies.md describes how to start one; scheduler "
+        "and workers need this project installed)",
+    )
+    parser.add_argument(
+        "--out", type=output_path, metavar="DIR", help=f"directory of the results ({out}); one with {fewer} is extended"
+    )
+    add_json_option(parser)
 
 
 def usable_cores() -> int:
@@ -112,7 +130,7 @@ def usable_cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def _run(options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Interrupts) -> None:
+def _run(module: str, options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Interrupts) -> None:
     waiting = [task for task in tasks if store.result_of(task.key) is None]
     done = len(tasks) - len(waiting)
     if done:
@@ -125,19 +143,22 @@ def _run(options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Int
     if done and store.revisions() != [revision]:
         say("note: they were done by another revision of the project; choose another --out to run all tasks again")
     begun_s = monotonic()
-    for count, ended in enumerate(_task_ends(options, store, waiting, interrupts), start=1):
-        left_s = (monotonic() - begun_s) / count * (len(waiting) - count)
+    took_s: list[float] = []
+    for count, ended in enumerate(_task_ends(module, options, store, waiting, interrupts), start=1):
         if not ended.failure:
             store.add_revision(revision)
+            took_s.append(ended.seconds)
+        left_s = time_left_s(monotonic() - begun_s, took_s, len(waiting) - count, ended.workers)
         state = f"FAILED: {ended.failure}" if ended.failure else f"done, about {left_s:.0f} s left"
         say(f"[{done + count}/{len(tasks)}] {ended.key} {state}")
 
 
-def _task_ends(options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Interrupts) -> Iterator[TaskEnd]:
+def _task_ends(
+    module: str, options: Any, store: Store, tasks: Sequence[StudyTask], interrupts: Interrupts
+) -> Iterator[TaskEnd]:
     def stopped() -> bool:
         return interrupts.came != 0
 
-    module = STUDIES[options.study]
     if options.scheduler:
         return run_on_cluster(options.scheduler, module, tasks, store, stopped)
     return run_locally(module, tasks, store, options.jobs, stopped)

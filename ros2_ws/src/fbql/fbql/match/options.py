@@ -20,21 +20,20 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import from_mapping, limits_of, types_of
 from fbql_common.files import remedy
 from fbql_fusion.controller_loading import resolve_controller
-from fbql_fusion.core.controllers.parameters import guided_episodes
+from fbql_fusion.core.controllers.parameters import CONTROLLERS, guided_episodes
 from fbql_fusion.core.parameters import FusionParameters, check_fusion, unused_parameters
 from fbql_fusion.core.registry import fusion_parameters, learns
 from fbql_fusion.core.tasks.soccer.subsumption import PRESETS
-from fbql_fusion.node_parameters import FusionNodeParameters
+from fbql_fusion.node_parameters import DEFAULT_GOALS, FusionNodeParameters
 from fbql_fusion.shipped import shipped_policy
 from fbql_recording.run_directory import create_next_run_directory, create_run_directory
 from fbql_sim.core.parameters import SimulationParameters
 
 from fbql.cli.controllers import add_controller_option
 from fbql.cli.observations import add_observation_option, register_observations, unused_observations
-from fbql.cli.parser import Help, Parser, output_path
+from fbql.cli.parser import Help, Parser, add_json_option, output_path
 from fbql.cli.places import RUNS
 
-DEFAULT_GOALS = 10
 RESERVED_NAMES = {"simulator", "fusion", "bringup", "behavior"}
 _OF_THE_RUN = {"controller", "seed", "episodes", "goals", "guided", "learn"}
 """Parameters that the next run chooses anew."""
@@ -69,6 +68,30 @@ def match_parser(program: str, description: str) -> Parser:
     parser = Parser(prog=program, description=description, formatter_class=Help)
     play = parser.add_argument_group("what is played")
     add_controller_option(play, "who fuses the behaviors (fbql; with --preset alone, subsumption)")
+    play.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="seed of the run; every episode's seed is derived from it"
+    )
+    add_play_options(play)
+    play.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="any other parameter of fusion or simulation, such as tie_rule=first or ball_robot_friction=0.1; may be repeated",
+    )
+    result = parser.add_argument_group("what comes out")
+    result.add_argument(
+        "--out",
+        type=output_path,
+        metavar="DIR",
+        help="run directory to create; it must not exist (runs/TIME-CONTROLLER-sSEED)",
+    )
+    add_json_option(result)
+    return parser
+
+
+def add_play_options(play: argparse._ArgumentGroup) -> None:
+    """Adds what every way of playing has beside the controller, the seed and --set."""
     play.add_argument("--preset", choices=tuple(PRESETS), help="thresholds of Subsumption (tuned)")
     play.add_argument("--episodes", type=int, metavar="N", help="end after N episodes, guided ones not counted")
     play.add_argument("--goals", type=int, metavar="N", help=f"end after N goals (without --episodes: {DEFAULT_GOALS})")
@@ -80,9 +103,6 @@ def match_parser(program: str, description: str) -> Parser:
     )
     play.add_argument(
         "--max-steps", type=int, default=4000, metavar="N", help="steps after which an episode is truncated: a timeout"
-    )
-    play.add_argument(
-        "--seed", type=int, default=0, metavar="S", help="seed of the run; every episode's seed is derived from it"
     )
     play.add_argument(
         "--learn",
@@ -103,22 +123,6 @@ def match_parser(program: str, description: str) -> Parser:
         help="directory with NAME.json of each behavior; shipped trees take the place of missing ones (the shipped trees)",
     )
     add_observation_option(play)
-    play.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="any other parameter of fusion or simulation, such as tie_rule=first or ball_robot_friction=0.1; may be repeated",
-    )
-    result = parser.add_argument_group("what comes out")
-    result.add_argument(
-        "--out",
-        type=output_path,
-        metavar="DIR",
-        help="run directory to create; it must not exist (runs/TIME-CONTROLLER-sSEED)",
-    )
-    result.add_argument("--json", action="store_true", help="print one JSON object, and nothing else, on stdout")
-    return parser
 
 
 def match_from(arguments: argparse.Namespace, has_policy: bool = False) -> Match:
@@ -266,6 +270,14 @@ def _add_setting(
     if not equals or not name:
         raise BadInput(f"--set {setting}: write NAME=VALUE; docs/parameters.md has the names")
     raise BadInput(f"--set {setting}: fusion and simulation have no parameter '{name}'; {similar(name, known)}")
+
+
+def values_of_setting(setting: str) -> list[str]:
+    """The settings NAME=VALUE in a text NAME=VALUE,VALUE,...; one where a value is itself a list."""
+    name, _, text = setting.partition("=")
+    declarations = (*map(fusion_parameters, CONTROLLERS), SimulationParameters)
+    kinds = {types_of(declaration).get(name) for declaration in declarations}
+    return [setting] if list[str] in kinds else [f"{name}={value.strip()}" for value in text.split(",")]
 
 
 def similar(name: str, known: Sequence[str]) -> str:

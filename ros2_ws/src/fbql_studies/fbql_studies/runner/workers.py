@@ -19,7 +19,8 @@ from traceback import format_exception_only
 from typing import Any, NamedTuple
 from uuid import uuid4
 
-from fbql.cli.output import complain
+from fbql.cli.output import complain, say
+from fbql.cli.words import counted
 from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput
 from fbql_common.files import DISK_FAILURES
@@ -44,6 +45,10 @@ class TaskEnd(NamedTuple):
     key: str
     failure: str
     """Why it failed; empty when it is done."""
+    seconds: float
+    """How long it took."""
+    workers: int
+    """How many tasks are worked on at a time."""
 
 
 def run_locally(
@@ -59,33 +64,40 @@ def run_locally(
     """
     for name in _THREADS:
         os.environ.setdefault(name, "1")  # the workers share the cores already
+    _announce(tasks, f"{min(jobs, len(tasks))} at a time", store)
     context = get_context("spawn")
     pending = deque((task, 1) for task in tasks)
-    running: dict[int, tuple[BaseProcess, StudyTask, int]] = {}
+    running: dict[int, tuple[BaseProcess, StudyTask, int, float]] = {}
     try:
         while (pending or running) and not stopped():
             while pending and len(running) < jobs:
                 task, attempt = pending.popleft()
                 process = context.Process(target=_work, args=(module, task, str(store.directory), os.getpid()))
                 process.start()
-                running[process.sentinel] = (process, task, attempt)
+                running[process.sentinel] = (process, task, attempt, monotonic())
             for sentinel in wait(list(running), timeout=_POLL_S):
-                process, task, attempt = running.pop(sentinel)  # type: ignore[arg-type]  # sentinels are ints here
+                process, task, attempt, begun_s = running.pop(sentinel)  # type: ignore[arg-type]  # sentinels are ints here
                 process.join()
+                seconds = monotonic() - begun_s
                 _raise_disk_failure(process.exitcode, store)
                 if process.exitcode == 0:
-                    yield TaskEnd(task.key, "")
+                    yield TaskEnd(task.key, "", seconds, jobs)
                 elif attempt < ATTEMPTS:
                     pending.appendleft((task, attempt + 1))
                 else:
                     if process.exitcode != 1:  # 1: it recorded the failure itself
                         write_failure(store.directory, task.key, f"the worker was ended by {_ender(process.exitcode)}")
-                    yield TaskEnd(task.key, store.failure_of(task.key) or "the worker failed")
+                    yield TaskEnd(task.key, store.failure_of(task.key) or "the worker failed", seconds, jobs)
     finally:
-        for process, _, _ in running.values():
+        for process, *_ in running.values():
             process.terminate()
-        for process, _, _ in running.values():
+        for process, *_ in running.values():
             process.join()
+
+
+def _announce(tasks: Sequence[StudyTask], how: str, store: Store) -> None:
+    """Says what begins now: the first task may take an hour."""
+    say(f"{counted(len(tasks), 'task')}, {how}; results go to {store.directory}, and Ctrl-C loses none that is done")
 
 
 def _ender(exitcode: int | None) -> str:
@@ -148,6 +160,7 @@ def run_on_cluster(
             raise BadInput(
                 f"--scheduler {scheduler}: {error_line(error)}; is a Dask scheduler running there?"
             ) from None
+    _announce(tasks, f"on the cluster of {scheduler}", store)
     with _without_logs(), client:
         run = uuid4().hex  # two runs on one cluster must not mistake each other's results for their own
         waiting: dict[Future, StudyTask] = {
@@ -166,6 +179,7 @@ def run_on_cluster(
                 )
             try:
                 ended = wait(list(waiting), timeout=_POLL_S, return_when="FIRST_COMPLETED").done
+                workers = max(sum(each["nthreads"] for each in client.scheduler_info()["workers"].values()), 1)
                 done = {future: future.result() for future in ended if future.status == "finished"}
                 failed = {future: error_line(future.exception()) for future in ended if future.status == "error"}
             except TimeoutError:
@@ -173,14 +187,14 @@ def run_on_cluster(
             except (CancelledError, OSError):
                 raise BadInput(f"--scheduler {scheduler}: it ended; the same command resumes from here") from None
             # One that is neither lost its result with a worker that died, and is computed again.
-            for future, result in done.items():
+            for future, (result, seconds) in done.items():
                 key = waiting.pop(future).key
                 write_result(store.directory, key, result)
-                yield TaskEnd(key, "")
+                yield TaskEnd(key, "", seconds, workers)
             for future, reason in failed.items():
                 key = waiting.pop(future).key
                 write_failure(store.directory, key, reason)
-                yield TaskEnd(key, store.failure_of(key))
+                yield TaskEnd(key, store.failure_of(key), 0.0, workers)
         client.cancel(list(waiting))
 
 
@@ -195,5 +209,24 @@ def _without_logs() -> Iterator[None]:
         logging.disable(before)
 
 
-def _remote(module: str, parameters: dict[str, Any]) -> Result:
-    return import_module(module).run(parameters)
+def _remote(module: str, parameters: dict[str, Any]) -> tuple[Result, float]:
+    """The result of a task, and how long it took [s]."""
+    begun_s = monotonic()
+    return import_module(module).run(parameters), monotonic() - begun_s
+
+
+def time_left_s(elapsed_s: float, took_s: Sequence[float], left: int, workers: int) -> float:
+    """How long the tasks that have not ended will take, from those that have [s].
+
+    The workers have been busy all the time; what they did beyond the tasks that ended is part of those that run.
+
+    Args:
+        elapsed_s: time since the first task began.
+        took_s: how long each task took that has ended.
+        left: number of those that have not.
+        workers: how many are worked on at a time.
+    """
+    if not took_s or not left:
+        return 0.0
+    begun_s = max(min(workers, len(took_s) + left) * elapsed_s - sum(took_s), 0.0)
+    return max(sum(took_s) / len(took_s) * left - begun_s, 0.0) / min(workers, left)

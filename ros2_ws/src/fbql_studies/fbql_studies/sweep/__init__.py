@@ -1,0 +1,1 @@
+"""Parameters over some values, each of them over the same seeds."""

@@ -1,0 +1,31 @@
+"""Play controllers and parameters over some values, each over the same seeds, and compare. It resumes where it was stopped."""
+
+from __future__ import annotations
+
+import argparse
+
+from fbql.cli.interrupts import Interrupts
+from fbql.cli.parser import Parser
+from fbql.cli.places import new_path
+
+from fbql_studies.experiment import add_runner_options, run_study
+from fbql_studies.sweep import study
+
+
+def parser(program: str) -> Parser:
+    """The command line."""
+    result = Parser(
+        prog=program,
+        description="Plays every combination of the values given for --controller and --set, each with the same seeds, as "
+        "train does. The table has the 95 % intervals, and each combination against the first one.",
+        epilog=f"for example: {program} --seeds 10 --controller fbql --set fbql_hold_steps=1,5,15 --episodes 100",
+    )
+    study.add_options(result)
+    add_runner_options(result, "runs/TIME-sweep", "fewer seeds")
+    return result
+
+
+def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
+    """Plays what remains, and reports the whole sweep. Returns 0, or 1 if a match failed."""
+    out = arguments.out or new_path("sweep")
+    return run_study("sweep", study.__name__, study, arguments, out, interrupts)
