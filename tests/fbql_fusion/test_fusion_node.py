@@ -45,7 +45,8 @@ class Team:
         self.behaviors = [bench.add(FakeBehavior, index) for index in range(3)]
         self.partner = bench.add(Partner)
         self.decisions = listen(self.partner, Decision, DECISION)
-        parameters = {"run_directory": str(run), "behavior_timeout_s": 0.0, "world_timeout_s": 60.0, **parameters}
+        usual = {"controller": "subsumption", "behavior_timeout_s": 0.0, "world_timeout_s": 60.0}
+        parameters = {"run_directory": str(run), **usual, **parameters}
         self.fusion = bench.add(FusionNode, **parameters)
         if begin:
             bench.until(lambda: self.simulator.granted, "the first episode to be asked for")
@@ -224,12 +225,32 @@ def test_after_a_stall_the_command_of_the_newest_world_state_is_the_last(make_te
 
 def test_a_fusion_node_ends_with_its_result_and_says_whose_controller_it_plays(make_team, bench):
     team = make_team(episodes=2)
-    bench.until_said("fusion: subsumption (the node's default; bringup's is fbql) of ")
+    bench.until_said("fusion: subsumption of ball_seeking, ")
     team.play(1)
     team.simulator.show(0, 2, goal=True, terminated=True)
     team.decided(2)
     bench.remove(team.fusion)
     assert "fusion: ended early: goals 1, episodes 1 of 2; run in " in bench.said()
+
+
+@pytest.mark.parametrize(
+    ("given", "controller", "goals", "named"),
+    [
+        ({}, "fbql", 10, "fbql with the shipped policy of"),
+        ({"episodes": 2}, "fbql", 0, "fbql with the shipped policy of"),
+        ({"goals": 0, "policy": "none"}, "fbql", 0, "fbql of"),
+        ({"policy": "shipped", "controller": "fbql"}, "fbql", 10, "fbql with the shipped policy of"),
+        ({"guided": 2}, "fbql", 10, "fbql of"),
+        ({"behaviors": ["ball_seeking", "approaching"]}, "fbql", 10, "fbql of"),
+        ({"preset": "paper"}, "subsumption", 10, "subsumption of"),
+        ({"controller": "uniform"}, "uniform", 10, "uniform of"),
+    ],
+)
+def test_what_it_is_not_told_is_as_bringup_plays_it(bench, tmp_path, given, controller, goals, named):
+    node = bench.add(FusionNode, run_directory=str(tmp_path / "run"), **given)
+    assert node.get_parameter("controller").value == controller
+    assert node.get_parameter("goals").value == goals
+    bench.until_said(f"fusion: {named} ball_seeking, ")
 
 
 def test_errors_that_are_repeated_are_not_silenced_by_a_wall_clock_that_is_stepped_back(make_team, bench, monkeypatch):

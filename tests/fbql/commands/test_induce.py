@@ -178,11 +178,13 @@ def test_the_page_tells_of_data_parameters_course_error_and_every_leaf(page_and_
         assert f"leaf {rule.leaf_id}: {rule.sentence}" in said
 
 
-def test_the_pages_figures_are_a_partition_and_a_curve_of_every_trial_beside_the_optimum(
+def test_the_pages_figures_are_a_partition_what_was_shown_and_a_curve_of_every_trial_beside_the_optimum(
     page_and_tree: tuple[str, Path],
 ) -> None:
     text, path = page_and_tree
-    partition, curve = [ElementTree.fromstring(each) for each in re.findall(r"<svg.*?</svg>", text, re.DOTALL)]
+    partition, _coverage, curve = [
+        ElementTree.fromstring(each) for each in re.findall(r"<svg.*?</svg>", text, re.DOTALL)
+    ]
     svg = "{http://www.w3.org/2000/svg}"
     regions = [each for each in partition.iter(f"{svg}rect") if each.find(f"{svg}title") is not None]
     assert len(regions) == load_tree(path).leaf_count

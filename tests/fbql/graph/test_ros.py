@@ -136,7 +136,9 @@ def test_garbage_on_every_topic_changes_nothing_of_a_match(start: Start, tool: N
             assert f"dropped a message on {topic}: " in log, name
 
 
-def test_single_nodes_composed_by_hand_in_a_namespace_play_a_match(start: Start, domain_id: int) -> None:
+def test_single_nodes_composed_by_hand_in_a_namespace_play_what_bringup_plays_and_end_with_the_result(
+    start: Start, domain_id: int
+) -> None:
     environment = {"ROS_DOMAIN_ID": str(domain_id)}
     team = ("--ros-args", "-r", "__ns:=/team")
 
@@ -146,12 +148,14 @@ def test_single_nodes_composed_by_hand_in_a_namespace_play_a_match(start: Start,
 
     simulator = node("fbql_sim", "simulator")
     behaviors = [node("fbql_behaviors", name) for name in BEHAVIORS]
-    fusion = node("fbql_fusion", "fusion", "episodes:=1", "seed:=3")
+    patient = ("behavior_timeout_s:=0.0", "world_timeout_s:=60.0")  # as in a supervised graph
+    fusion = node("fbql_fusion", "fusion", "episodes:=1", "seed:=3", *patient)
     assert fusion.exit_code() == 0, fusion.stderr
+    assert "fusion: done: goals 1, episodes 1, success rate 100.0%; run in " in fusion.stderr
     (out,) = (fusion.place / "runs").iterdir()
     summary = summary_of(out)
     assert summary["episodes"] == 1
-    launched = start("--controller", "subsumption", "--episodes", "1", "--seed", "3", script="train.py")
+    launched = start("--episodes", "1", "--seed", "3", script="train.py")
     assert launched.exit_code() == 0
     assert summary["digest"] == summary_of(launched.out)["digest"]
     assert [row["steps"] for row in episodes_of(out)] == [str(summary["steps"])]

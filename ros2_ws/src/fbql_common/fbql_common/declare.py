@@ -58,10 +58,21 @@ def declare_parameters[T](node: Node, declaration: type[T]) -> T:
     return declare_all(node, declaration)[0]
 
 
-def declare_all(node: Node, *declarations: type[Any], groups: Mapping[str, type[Any]] | None = None) -> tuple[Any, ...]:
+def is_given(node: Node, name: str) -> bool:
+    """Whether a node is given a parameter, before it is declared."""
+    return name in node._parameter_overrides
+
+
+def declare_all(
+    node: Node,
+    *declarations: type[Any],
+    groups: Mapping[str, type[Any]] | None = None,
+    defaults: Mapping[str, Any] | None = None,
+) -> tuple[Any, ...]:
     """declare_parameters for several declarations that share one node.
 
     Args:
+        defaults: of fields, in the place of their declarations'.
         groups: the declaration of the parameters PREFIX.NAME.FIELD for each prefix; `declare_group` declares those.
     """
     where = node.get_fully_qualified_name()
@@ -77,7 +88,15 @@ def declare_all(node: Node, *declarations: type[Any], groups: Mapping[str, type[
         if prefix not in groups or rest.rpartition(".")[2] not in types_of(groups[prefix]) or "." not in rest:
             of_groups = [f"{prefix}.NAME.{field}" for prefix, group in groups.items() for field in types_of(group)]
             raise BadInput(f"{where}: unknown parameter '{name}'; known are: {', '.join([*known, *of_groups])}")
-    return tuple(_declare(node, declaration, where) for declaration in declarations)
+    return tuple(
+        _declare(
+            node,
+            declaration,
+            where,
+            defaults={name: value for name, value in (defaults or {}).items() if name in types_of(declaration)},
+        )
+        for declaration in declarations
+    )
 
 
 def declare_group[T](node: Node, prefix: str, declaration: type[T], **defaults: Any) -> dict[str, T]:

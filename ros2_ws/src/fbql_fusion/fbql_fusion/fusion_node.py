@@ -8,6 +8,7 @@ next episode, and the behaviors, for whose answers it waits. Subscribes `world`,
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import monotonic
@@ -18,7 +19,7 @@ from fbql_common.core.errors import BadInput
 from fbql_common.core.text import one_line
 from fbql_common.core.topic_names import DECISION, DIAGNOSTICS, WHEEL_COMMAND, WORLD, behavior_topic
 from fbql_common.core.types import BehaviorOutput, WheelCommand, World
-from fbql_common.declare import declare_all, given_text
+from fbql_common.declare import declare_all, given_text, is_given
 from fbql_common.inputs import Input
 from fbql_common.qos import POSE_QOS, STEP_QOS
 from fbql_common.spin import BAD_INPUT, FAILED, GraphNode, spin
@@ -37,12 +38,15 @@ from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.episodes import Episodes
-from fbql_fusion.node_parameters import FusionNodeParameters
+from fbql_fusion.node_parameters import DEFAULT_GOALS, FusionNodeParameters
 from fbql_fusion.policy_storage import load_policy
 from fbql_fusion.run_recorder import INCOMPLETE, RunRecorder
+from fbql_fusion.shipped import shipped_policy
 from fbql_fusion.status import Status
 
 _CHECK_PERIOD_S = 0.02
+SHIPPED, NO_POLICY = "shipped", "none"
+"""Values of the parameter `policy` that are no files."""
 _SAY_PERIOD_S = 5.0
 """How often the node reports what it waits for [s]."""
 
@@ -56,16 +60,21 @@ class FusionNode(GraphNode):
     def __init__(self, **options: Any) -> None:
         super().__init__("fusion", **options)
         controller = _know_controller(self)
+        usual = _usual(self, controller)
         self._settings, fusion = declare_all(
-            self, FusionNodeParameters, fusion_parameters(controller or given_text(self, "controller"))
+            self,
+            FusionNodeParameters,
+            fusion_parameters(controller or given_text(self, "controller") or usual.get("controller", "")),
+            defaults=usual,
         )
         if controller not in ("", fusion.controller):
             raise BadInput(
                 f"{self.get_fully_qualified_name()}: parameter 'controller' is '{fusion.controller}', but 'controller_file' "
                 f"has '{controller}'; set controller:={controller}"
             )
-        policy = load_policy(Path(self._settings.policy)) if self._settings.policy else None
-        self._session = SoccerSession(fusion, policy)
+        file = _policy_file(self._settings.policy)
+        self._settings = replace(self._settings, policy=str(file or ""))
+        self._session = SoccerSession(fusion, None if file is None else load_policy(file))
         self._assembly = StepAssembly(fusion.behaviors)
         self._episodes = Episodes(
             self, self._session, self._assembly, self._settings.world_timeout_s, lambda: self._run.episode_restarted()
@@ -102,8 +111,10 @@ class FusionNode(GraphNode):
         self._made_s = self._began_s = self._checked_s = self._said_s = monotonic()
         self._check_timer = steady_timer(self, _CHECK_PERIOD_S, self._check)
         self._flush_timer = steady_timer(self, self._settings.flush_period_s, self._run.flush)
-        by_default = "" if given_text(self, "controller") or controller else " (the node's default; bringup's is fbql)"
-        named = one_line(f"{fusion.controller}{by_default} of {', '.join(fusion.behaviors)}; run in {self._run.path}")
+        policy = (
+            "" if file is None else f" with the {'shipped policy' if file == shipped_policy() else f'policy {file}'}"
+        )
+        named = one_line(f"{fusion.controller}{policy} of {', '.join(fusion.behaviors)}; run in {self._run.path}")
         self.get_logger().info(f"fusion: {named}")
 
     # The step
@@ -299,6 +310,30 @@ def _result_text(session: SoccerSession) -> str:
         return f"done: goals {summary.goals}, episodes {summary.episodes}{rate}"
     goals = f"goals {summary.goals}{f' of {asked.goals}' if asked.goals else ''}"
     return f"ended early: {goals}, episodes {summary.episodes}{f' of {asked.episodes}' if asked.episodes else ''}"
+
+
+def _usual(node: FusionNode, controller: str) -> dict[str, Any]:
+    """What the node plays where it is given nothing else: what bringup plays.
+
+    Args:
+        controller: the one in `controller_file`, if there is one.
+    """
+    usual: dict[str, Any] = {}
+    if not (controller or is_given(node, "controller") or is_given(node, "preset")):
+        usual["controller"] = "fbql"
+    plays_fbql = "fbql" in (usual.get("controller"), given_text(node, "controller"))
+    if plays_fbql and not any(is_given(node, name) for name in ("behaviors", "guided", "policy")):
+        usual["policy"] = SHIPPED
+    if not (is_given(node, "goals") or is_given(node, "episodes")):
+        usual["goals"] = DEFAULT_GOALS
+    return usual
+
+
+def _policy_file(policy: str) -> Path | None:
+    """The file that the parameter `policy` means."""
+    if policy in ("", NO_POLICY):
+        return None
+    return shipped_policy() if policy == SHIPPED else Path(policy)
 
 
 def _know_controller(node: FusionNode) -> str:

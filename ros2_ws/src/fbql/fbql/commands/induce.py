@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
@@ -34,7 +34,7 @@ from fbql.cli.observations import add_observation_option, register_observations,
 from fbql.cli.output import complain, print_result, say, warn, writing
 from fbql.cli.parser import Parser, add_json_option, add_parameter_options, output_path, without_effect
 from fbql.cli.places import command_text, new_path
-from fbql.cli.words import counted
+from fbql.cli.words import counted, percent
 from fbql.demonstrations.from_bags import BagData, bag_request, data_of_bags
 from fbql.demonstrations.make_tree import (
     CART,
@@ -49,6 +49,7 @@ from fbql.demonstrations.make_tree import (
     request_of,
     unused_parameters,
 )
+from fbql.demonstrations.skill import STARTS, SkillReport, skill_of
 from fbql.report.induction import Induction, induction_page
 
 BESIDE = Path()
@@ -100,6 +101,12 @@ def parser(program: str) -> Parser:
         metavar="FILE",
         help="write the learning curve as CSV: the root's value after each trial",
     )
+    command.add_argument(
+        "--starts",
+        type=int,
+        metavar="N",
+        help=f"starts to measure the tree's skill from, beside the instructor and the tree that ships ({STARTS}; 0: do not)",
+    )
     command.add_argument("--leaves", type=int, metavar="N", help="leaves of --method cart (chosen by cross-validation)")
     add_observation_option(command)
     more = "; cart: scikit-learn's, for comparison (needs the extra studies; in a clone it is installed once)"
@@ -118,13 +125,14 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     made = induced_tree(request, patterns)
     if task.recipe:
         made = replace(made, tree=replace(made.tree, recipe=task.recipe))
+    skill = _skill(arguments, task, made)
     path = arguments.out or new_path(f"tree-{request.behavior}") / f"{request.behavior}.json"
     report = path.with_suffix(".html") if arguments.report is BESIDE else arguments.report
     replaced = path.exists()
     with writing(path), output_directory(path.parent):
         save_tree(path, made.tree)
     if report is not None:
-        _write(report, _page(task, made))
+        _write(report, _page(task, made, skill))
     if arguments.curve is not None:
         _write(arguments.curve, _curve(made.curve))
     if replaced:
@@ -144,12 +152,14 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
         "sha256": made.tree.hash,
         "report": None if report is None else str(report),
     }
+    if skill is not None:
+        result["skill"] = skill.values
     if task.bags is not None:
         read = task.bags.read
         result |= {"commands": read.commands, "dropped": read.dropped, "clamped": read.clamped}
         result["training_rmse"] = axis_rmse(made.tree, patterns)
     notes = _drops(task.bags.read) if task.bags else ()
-    print_result(json.dumps(result) if arguments.json else _words(result, notes))
+    print_result(json.dumps(result) if arguments.json else "\n".join([_words(result, notes), *_skill_words(skill)]))
     if not arguments.json:
         for line in _next_steps(path, request.behavior, arguments.observation, task.bags is not None):
             say(line)
@@ -191,6 +201,8 @@ def _of_bags(arguments: argparse.Namespace, given: dict[str, Any]) -> _Task:
         raise BadInput(f"--bag and {other} exclude each other: the specification says what a bag's tree senses")
     if arguments.spec is None:
         raise BadInput("--bag needs --spec FILE: what is sensed and commanded (docs/bags.md)")
+    for note in without_effect(arguments, ["starts"], "with --bag: only soccer is simulated"):
+        complain(note)
     spec = load_spec(arguments.spec)
     request = bag_request(arguments.behavior, len(spec.features), **given)
     _check_options(arguments, request)
@@ -217,12 +229,44 @@ def _demonstrations(request: InductionRequest, paths: Sequence[Path] | None) -> 
     return [each for path in paths for each in load_demonstrations(path, request.behavior)]
 
 
+def _skill(arguments: argparse.Namespace, task: _Task, made: InducedTree) -> SkillReport | None:
+    """How well the tree plays; None where it is not to be measured, or can't be."""
+    starts = STARTS if arguments.starts is None else arguments.starts
+    if starts < 0:
+        raise BadInput(f"--starts is {starts}; it must be 0 or more")
+    return None if task.bags is not None or not starts else skill_of(made.tree, task.patterns, starts)
+
+
+def _skill_words(skill: SkillReport | None) -> Iterator[str]:
+    """How well the tree plays, and what to show more of."""
+    if skill is None:
+        return
+    yield f"  skill, from the same {counted(skill.starts, 'start')}: {skill.measure} (95 % interval)"
+    for each in skill.skills:
+        low, high = each.cost.low, each.cost.high
+        interval = f" ({low:.0f} to {high:.0f})" if isfinite(low) and isfinite(high) else ""
+        arrived = "" if each.arrived is None else f"; {percent(each.arrived)} arrived"
+        contact = f"; {each.contact_per_1000:.1f} of 1000 steps in contact with a wall"
+        yield f"    {each.driver:<23}  {each.cost.estimate:.0f}{interval}{arrived}{contact}"
+    gaps = skill.coverage.gaps()
+    if gaps:
+        yield "  show more of this, in which it drove and which was never shown:"
+        yield from (f"    {percent(gap.share)} of its driving: {gap.where}" for gap in gaps)
+        first, *second = (feature.name.replace("_", " ") for feature in skill.coverage.features)
+        lines = skill.coverage.map()
+        if lines:
+            yield f"  {first} to the right{f', {second[0]} upwards' if second else ''}: # shown, ? to be shown, . not needed"
+            yield from (f"    {line}" for line in lines)
+    elif skill.coverage.share_shown is not None:
+        yield "  everything that it drove in was shown"
+
+
 def _write(path: Path, text: str) -> None:
     with writing(path), output_directory(path.parent):
         write_atomically(path, text.encode())
 
 
-def _page(task: _Task, made: InducedTree) -> str:
+def _page(task: _Task, made: InducedTree, skill: SkillReport | None) -> str:
     request, patterns = task.request, task.patterns
     return induction_page(
         Induction(
@@ -240,6 +284,7 @@ def _page(task: _Task, made: InducedTree) -> str:
             curve=made.curve,
             tried=made.tried,
             notes=_drops(task.bags.read) if task.bags else (),
+            skill=skill,
         )
     )
 

@@ -16,6 +16,8 @@ from fbql_recording.bag_metadata import Qos
 from fbql_recording.message_definitions import step_messages
 from fbql_recording.recorder import Channel, Recorder
 
+from fbql.cli.places import is_reserved
+
 PAUSE_NS = 1_000_000_000
 """Time between the demonstrations of `in_sequence` [ns]."""
 _WORLD, _COMMAND = 0, 1
@@ -37,10 +39,13 @@ def save_demonstrations(
 
 
 def make_directory(directory: Path) -> None:
-    """Makes the directory of a recording. Raises BadInput when it exists or cannot be made."""
+    """Makes the directory of a recording, unless this process has it from `new_path`. Raises BadInput when it exists or
+    cannot be made."""
     try:
         directory.mkdir(parents=True)
     except FileExistsError:
+        if is_reserved(directory):
+            return
         raise BadInput(f"{directory} exists; demonstrations are never overwritten, choose another directory") from None
     except OSError as error:
         raise BadInput(f"{directory}: cannot be created ({error.strerror}); {remedy(error)}") from None

@@ -83,6 +83,17 @@ def write_parameters(match: Match, mode: Mode) -> Path:
     return path
 
 
+def write_domain(match: Match, export: str) -> Path:
+    """Writes what joins a second shell to the graph, for `source`. Raises BadInput if it can't be written."""
+    path = match.out / "log" / "domain.sh"
+    text = f"# The ROS domain of this match, for `source` in a second shell while it is played.\n{export}\n"
+    try:
+        write_atomically(path, text.encode())
+    except OSError as error:
+        raise BadInput(f"{path}: can't be written ({error.strerror}); {remedy(error)}") from None
+    return path
+
+
 def commands(match: Match, mode: Mode, parameters: Path) -> dict[str, list[str]]:
     """The command line of each process of the graph; the last one holds the fusion node. Raises BadInput."""
     # What a node prints is kept; the logging library would write a second copy.

@@ -149,6 +149,7 @@ class Supervision:
             names = launch.node_names(match)
             how = "one process each" if self._mode.processes == "many" else "all in one process"
             self.domain_id = domain_id
+            launch.write_domain(match, export_text(domain_id))
             self._line.say(
                 f"bringing up {len(names)} nodes, {how}; to look on from a second shell: {export_text(domain_id)}"
             )

@@ -6,7 +6,7 @@ The page holds no clock and no path of this machine: the same induction gives th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from math import degrees, isfinite
@@ -19,12 +19,14 @@ from fbql_behaviors.core.patterns import Patterns
 from fbql_behaviors.core.quantizer import rad_s_of
 from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.drawing.colours import COLOURS, OPACITY
+from fbql_behaviors.drawing.coverage import coverage_svg
 from fbql_behaviors.drawing.curve import curve_svg
 from fbql_behaviors.drawing.partition import partition_svg
 from fbql_behaviors.storage import tree_to_bytes
 from fbql_common.core.field import WHEELS
 
-from fbql.cli.words import counted
+from fbql.cli.words import counted, percent
+from fbql.demonstrations.skill import SkillReport
 
 STYLE = """
 :root { color-scheme: light; }
@@ -71,6 +73,8 @@ class Induction:
     """Held-out error [levels] by number of leaves; empty where no size was chosen."""
     notes: Sequence[str] = ()
     """What else is to be said of the data, a line each."""
+    skill: SkillReport | None = None
+    """How well the tree plays, where that was measured."""
 
 
 def induction_page(induction: Induction) -> str:
@@ -87,6 +91,7 @@ def induction_page(induction: Induction) -> str:
             "<p>Each rectangle is a leaf, in the colour of what the robot does there; the dots are the patterns. "
             "Hover over a leaf to read its rule.</p>",
             partition_svg(tree, induction.patterns.x),
+            *_skill(induction.skill),
             _course(induction),
             "<h2>Leaves</h2>",
             _leaves(tree),
@@ -121,6 +126,37 @@ def _tiles(induction: Induction) -> str:
     return '<div class="tiles">{}</div>'.format(
         "".join(f'<div class="tile"><b>{escape(value)}</b><span>{escape(name)}</span></div>' for value, name in tiles)
     )
+
+
+def _skill(skill: SkillReport | None) -> Iterator[str]:
+    """How well it plays, and what to show more of."""
+    if skill is None:
+        return
+    yield f"<h2>Skill</h2>\n<p>Each drove from the same {counted(skill.starts, 'start')}; lower is better.</p>"
+    arrives = any(each.arrived is not None for each in skill.skills)
+    heads = [
+        "driver",
+        skill.measure,
+        "95 % interval",
+        *(["arrived"] if arrives else []),
+        "contact steps per 1000 steps",
+    ]
+    rows = [
+        (
+            each.driver,
+            f"{each.cost.estimate:.1f}",
+            f"{each.cost.low:.1f} to {each.cost.high:.1f}" if isfinite(each.cost.low) else "n/a",
+            *([percent(each.arrived)] if each.arrived is not None else []),
+            f"{each.contact_per_1000:.1f}",
+        )
+        for each in skill.skills
+    ]
+    yield _table(heads, rows, numbers=range(1, len(heads)))
+    gaps = skill.coverage.gaps()
+    if gaps:
+        yield "<p>Show more of this, in which it drove and which was never shown:</p>"
+        yield _table(("where", "share of its driving"), ((gap.where, percent(gap.share)) for gap in gaps), numbers=(1,))
+    yield coverage_svg(skill.coverage)
 
 
 def _course(induction: Induction) -> str:

@@ -196,12 +196,23 @@ def exercise_of(behavior: str) -> Exercise:
 def drive(tree: Tree, exercise: Exercise, environment: Environment, seed: int) -> Attempt:
     """Drives one episode with a tree, without learning."""
     sense = observation_of(tree.behavior).sense
+    return drive_by(lambda world: tree.answer(sense(world))[1:], exercise, environment, seed)
+
+
+def drive_by(
+    command_of: Callable[[World], Sequence[float]], exercise: Exercise, environment: Environment, seed: int
+) -> Attempt:
+    """Drives one episode.
+
+    Args:
+        command_of: the wheel velocities in a world, where the behavior drives, left and right [rad/s].
+    """
     world = environment.reset(seed)
     steps = collisions_begun = collision_steps = 0
     travelled_m = 0.0
     arrived = exercise.arrived(world)
     while not (arrived or world.ended or steps == exercise.max_steps):
-        left, right = exercise.other_driver(world) or tree.answer(sense(world))[1:]
+        left, right = exercise.other_driver(world) or command_of(world)
         next_world = environment.step(left, right)
         steps += 1
         collisions_begun += next_world.collision_begun

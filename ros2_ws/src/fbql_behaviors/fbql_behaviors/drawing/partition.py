@@ -76,13 +76,13 @@ def _panel(
 ) -> list[str]:
     """One diagram: regions, patterns, frame; a strip if there is no second feature."""
     first, second = axes
-    across = _axis(features[first], LEFT, LEFT + WIDTH)
+    across = axis_of(features[first], LEFT, LEFT + WIDTH)
     strip = Axis("", 0.0, 1.0, top + STRIP, top, ())
-    up = strip if second is None else _axis(features[second], top + HEIGHT, top)
+    up = strip if second is None else axis_of(features[second], top + HEIGHT, top)
     parts: list[str] = []
     for rule, region in shown:
-        low, high = _in_axis_unit(features[first], region[first])
-        bottom, height = (0.0, 1.0) if second is None else _in_axis_unit(features[second], region[second])
+        low, high = in_axis_unit(features[first], region[first])
+        bottom, height = (0.0, 1.0) if second is None else in_axis_unit(features[second], region[second])
         left, over = across.at(low), up.at(height)
         box = (left, over, across.at(high) - left, up.at(bottom) - over)
         size = " ".join(
@@ -95,8 +95,8 @@ def _panel(
     if points:
         places = [
             (
-                _point_in_axis_unit(features[first], point[first]),
-                0.5 if second is None else _point_in_axis_unit(features[second], point[second]),
+                _pointin_axis_unit(features[first], point[first]),
+                0.5 if second is None else _pointin_axis_unit(features[second], point[second]),
             )
             for point in points
         ]
@@ -104,21 +104,22 @@ def _panel(
     return parts + frame(across, up)
 
 
-def _axis(feature: Feature, begin: float, end: float) -> Axis:
-    low, high = _in_axis_unit(feature, (feature.low, feature.high))
+def axis_of(feature: Feature, begin: float, end: float) -> Axis:
+    """The axis of a feature over its root range, from pixel `begin` to pixel `end`."""
+    low, high = in_axis_unit(feature, (feature.low, feature.high))
     is_angle = feature.unit == "rad"
     ticks = multiples(45.0, low, high) if is_angle and high - low > 120.0 else ticks_between(low, high)
     unit = "degrees" if is_angle else feature.unit
     return Axis(f"{feature.name.replace('_', ' ')}{f' [{unit}]' if unit else ''}", low, high, begin, end, ticks)
 
 
-def _in_axis_unit(feature: Feature, interval: tuple[float, float]) -> tuple[float, float]:
+def in_axis_unit(feature: Feature, interval: tuple[float, float]) -> tuple[float, float]:
     """An interval in the unit of the axis: degrees for angles."""
     low, high = interval
     return (degrees(low), degrees(high)) if feature.unit == "rad" else (low, high)
 
 
-def _point_in_axis_unit(feature: Feature, value: float) -> float:
+def _pointin_axis_unit(feature: Feature, value: float) -> float:
     """A value in the unit of the axis; a value outside the root region is moved to its edge."""
     value = min(max(value, feature.low), feature.high)
     return degrees(value) if feature.unit == "rad" else value
