@@ -1,6 +1,6 @@
-"""Draw one episode of a recorded run as an SVG: the trails of robot and ball, and who drove where.
+"""Draw episodes of a recorded run as an animated SVG: robot and ball, their trails, and who drove where.
 
-python3 docs/make_picture.py RUN --episode 2 --out docs/images/episode.svg
+python3 docs/make_picture.py RUN --episode 0 1 2 3 --out docs/images/match.svg
 """
 
 import os

@@ -6,29 +6,43 @@ import argparse
 import json
 from contextlib import closing
 from functools import partial
+from importlib import import_module
 
+from fbql_common.files import output_directory
 from fbql_fusion.core.soccer_session import SoccerSession
+from fbql_recording.core.episodes import Episode
+from fbql_recording.core.metrics import EpisodeRecord
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import LiveLine, complain, print_result
+from fbql.cli.output import LiveLine, complain, print_result, writing
 from fbql.cli.parser import Parser
 from fbql.match.in_process import play_match, status_of
 from fbql.match.options import match_from, match_parser, policy_summary
 from fbql.match.result import Asked, status_line, summary_text
 
 LOG_EVERY_S = 10.0
+FIGURES = "figures"
+"""Name of their directory in a run directory."""
 
 
 def parser(program: str) -> Parser:
     """The command line."""
-    return match_parser(
+    result = match_parser(
         program, "Plays a match in one process without ROS, as fast as possible. No messages are recorded."
     )
+    result.add_argument(
+        "--figures",
+        action="store_true",
+        help=f"also draw steps, collisions, failures and success rate from goal to goal, as PDF and SVG, into RUN/{FIGURES}",
+    )
+    return result
 
 
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Plays the match. Returns 0, or 3 if a result could not be written."""
+    # Matplotlib is an extra: refused before anything is played.
+    figures = import_module("fbql.report.figures") if arguments.figures else None
     match = match_from(arguments)
     for note in match.notes:
         complain(note)
@@ -38,7 +52,11 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
             line.show(partial(status_line, status_of(session, elapsed_s)))
             return not interrupts.came
 
-        match, _, summary = play_match(match, episode_ended=episode_ended)
+        match, session, summary = play_match(match, episode_ended=episode_ended)
+    if figures is not None:
+        directory = match.out / FIGURES
+        with writing(directory), output_directory(directory, is_ours=True):
+            figures.write_figures([_as_recorded(each) for each in session.records], match.fusion.controller, directory)
     values = summary._asdict()
     asked = Asked(match.fusion.episodes, match.fusion.goals)
     if interrupts.came:
@@ -49,3 +67,16 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     text = summary_text(values, match.out, match.simulation.dt_s, policy_summary(match), asked)
     print_result(json.dumps(values) if arguments.json else text)
     return INCOMPLETE if summary.incomplete else DONE
+
+
+def _as_recorded(record: EpisodeRecord) -> Episode:
+    """An episode as a recording would have it."""
+    return Episode(
+        record.index,
+        first_step=0,
+        phase=record.phase.name.lower(),
+        outcome=record.outcome,
+        steps=record.steps,
+        collisions_begun=record.collisions_begun,
+        collision_steps=record.collision_steps,
+    )

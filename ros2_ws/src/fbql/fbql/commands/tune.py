@@ -6,6 +6,7 @@ import argparse
 import json
 from contextlib import closing
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -18,7 +19,7 @@ from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, types_of
 from fbql_common.core.text import as_lines
-from fbql_common.files import output_directory
+from fbql_common.files import output_directory, write_atomically
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
@@ -38,6 +39,8 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     """Tunes and measures. Returns 0."""
     behavior = arguments.behavior
     exercise, parameters = exercise_of(behavior), _parameters(arguments)
+    # Matplotlib is an extra: refused before anything is tuned.
+    pictures = import_module("fbql.pictures.tuning") if arguments.figure is not None else None
     tree = _tree(behavior, arguments.trees)
     path = arguments.out or new_path(f"tuned-{behavior}") / f"{behavior}.json"
     ground = PracticeGround(behavior)
@@ -54,6 +57,10 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
     gained = mean_interval([exercise.cost(new) - exercise.cost(old) for old, new in zip(before, after, strict=True)])
     with writing(path), output_directory(path.parent):
         save_tree(path, tuned.tree)
+    if pictures is not None:
+        costs = [[exercise.cost(each) for each in attempts] for attempts in (before, after)]
+        with writing(arguments.figure), output_directory(arguments.figure.parent):
+            write_atomically(arguments.figure, pictures.tuning_svg(behavior, exercise.measure, *costs))
     result = finite(
         {
             "behavior": behavior,
@@ -127,6 +134,7 @@ def parser(program: str) -> Parser:
     command.add_argument(
         "--out", type=output_path, metavar="FILE", help="tree file (runs/TIME-tuned-BEHAVIOR/BEHAVIOR.json)"
     )
+    command.add_argument("--figure", type=output_path, metavar="FILE", help="draw every start before and after, as SVG")
     add_json_option(command)
     add_parameter_options(command, TuningParameters, "tuning", "defaults are those set for the behavior")
     return command
