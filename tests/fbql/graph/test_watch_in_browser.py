@@ -54,6 +54,19 @@ def shown(browser: Browser, pattern: str, selector: str) -> None:
     browser.wait_for(lambda: re.search(pattern, text(browser, selector)), f"{selector} shows '{pattern}'")
 
 
+def settled(browser: Browser, selector: str) -> str:
+    """A text that changes no more: what was under way has been drawn."""
+    texts = [""]
+
+    def same() -> bool:
+        texts.append(text(browser, selector))
+        browser.evaluate("new Promise((done) => setTimeout(done, 300))")
+        return texts[-1] == texts[-2]
+
+    browser.wait_for(same, f"{selector} to stand still")
+    return texts[-1]
+
+
 def fastest(browser: Browser) -> None:
     browser.evaluate(
         "(() => { const e = document.getElementById('speed'); e.value = 0; e.dispatchEvent(new Event('change')); })()"
@@ -74,7 +87,7 @@ def test_a_watched_match_is_the_match_bit_for_bit_and_the_page_sets_its_pace(
     browser.key(" ")
     shown(browser, "paused", "#live")
     browser.wait_for("document.getElementById('play').textContent.includes('Play')", "the button to go on")
-    before = text(browser, "#when")
+    before = settled(browser, "#when")
     browser.click("#forth")
     browser.wait_for(lambda: text(browser, "#when") != before, "one step more")
     browser.click("#back")

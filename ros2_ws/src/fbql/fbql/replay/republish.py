@@ -119,7 +119,7 @@ def _view(run: Run, way: str, domain_id: int) -> Generator[View]:
         return
     from fbql.watch.browser import BrowserPage
 
-    decides = run.parameters.get("fusion", {}).get("controller", "")
+    decides = str(run.parameters.get("fusion", {}).get("controller", ""))
     headline = f"{decides} · replayed in ROS_DOMAIN_ID={domain_id}".removeprefix(" · ")
     with BrowserPage(run.recorded, _trees(run), name, headline, say, [decides]) as page:
         yield page
