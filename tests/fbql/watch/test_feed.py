@@ -124,6 +124,13 @@ def test_a_world_that_nobody_answered_is_no_episode(run: Run) -> None:
     assert len(feed.contents.episodes) == 3
 
 
+def test_a_replay_that_begins_again_is_told_again(run: Run) -> None:
+    feed = feed_of(run)
+    told = [*told_while(run, feed, 50), *told_while(run, feed, 50)]
+    steps = run.arrays()["step"].tolist()
+    assert columns_of(told)["step"].tolist() == [*steps, *steps]
+
+
 def test_foreign_messages_change_nothing(run: Run) -> None:
     feed = feed_of(run)
     feed.hear("/world", b"no world")

@@ -12,7 +12,7 @@ from fbql_common.core.topic_names import DECISION, WHEEL_COMMAND, WORLD, behavio
 from fbql_common.wire import Rejected, decode_command, decode_decision, decode_output, decode_world
 from fbql_recording.core.columns import Recorded
 from fbql_recording.core.episodes import Episode, episode_with
-from fbql_recording.core.steps import Step, StepData, StepJoin, key_of
+from fbql_recording.core.steps import Key, Step, StepData, StepJoin, key_of
 
 from fbql.report.contents import PackedSteps, episode_data, packing_data, page_data, word_data
 from fbql.report.page import tile_values
@@ -40,6 +40,8 @@ class Feed:
         self._places = {topic: place for place, topic in enumerate(topics)}
         self._outputs = len(names)
         self._join = StepJoin(len(topics))
+        self._newest: Key = (-1, -1, -1)
+        """Of the world state that came last."""
         self._new: list[Step] = []
         self._first_changed = 0
         """The episode from which on pages have not been told all."""
@@ -58,6 +60,11 @@ class Feed:
         key = None if place is None else key_of(data)
         if place is None or key is None:
             return
+        if place == 0:
+            if key < self._newest:  # a replay has begun again
+                self.settle()
+                self._join = StepJoin(len(self._places))
+            self._newest = key
         self._join.add(place, key, data)
         for step in self._join.ready():
             self._take_data(step)
