@@ -63,6 +63,13 @@ def test_one_episode_is_shown_at_a_time_and_its_end_is_held(run: Path) -> None:
     )
 
 
+def test_what_belongs_to_an_episode_is_hidden_with_it(run: Path) -> None:
+    """A part that is visible is shown even where the whole is hidden."""
+    for group in drawn(run, 0, 1, 2).findall(f"{SVG}g[@visibility]"):
+        assert group.findall(f".//{SVG}text/{SVG}animate"), "there are signs"
+        assert len(group.findall(f".//{SVG}animate[@attributeName='visibility']")) == 1
+
+
 def test_a_trail_has_the_colour_of_whoever_drove_and_the_colours_are_the_reports(run: Path) -> None:
     (part,) = read_episodes(run, [1])
     trails = drawn(run, 1).findall(f".//{SVG}polyline[@stroke-width='3.5']")

@@ -211,7 +211,8 @@ def _robot_trail(part: Part, whole_s: float) -> Iterator[str]:
 def _sign(driver: int, at_m: tuple[float, float], from_time: float, whole_s: float) -> str:
     """A behavior's sign on its trail, once it is drawn: a colour alone does not tell everybody."""
     x, y = _point(*at_m)
-    shown = _animated("visibility", ["hidden", "visible"], [0.0, from_time], whole_s, "discrete")
+    # Not its visibility: that of a part is shown even where the whole is hidden.
+    shown = _animated("opacity", ["0", "1"], [0.0, from_time], whole_s, "discrete")
     return (
         f'<text x="{x:.0f}" y="{y + 6:.0f}" text-anchor="middle" font-size="18" fill="{behavior_colour(driver)}" '
         f'stroke="{_colour("grass")}" stroke-width="3" paint-order="stroke">{shown}{SIGNS[driver % len(SIGNS)]}</text>'
