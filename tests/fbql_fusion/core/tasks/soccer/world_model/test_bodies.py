@@ -7,7 +7,7 @@ from math import cos, hypot, pi, sin
 import pytest
 from fbql_common.core.field import BALL_RADIUS_M, ROBOT_SIDE_M
 from fbql_common.core.walls import HALF_GOAL, HALF_LENGTH, HALF_WIDTH, POCKET, SIDE_END, closest_wall
-from fbql_fusion.core.tasks.soccer.world_model.bodies import ball_off_robot, ball_off_walls, robot_off_walls
+from fbql_fusion.core.tasks.soccer.world_model.bodies import ball_off_robot, ball_off_walls, robot_off_walls, room
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -76,3 +76,9 @@ def test_a_ball_in_the_corner_triangle_is_moved_along_the_diagonal() -> None:
     assert (x, y) == pytest.approx(
         (SIDE_END + 0.035 - BALL_RADIUS_M / 2**0.5, HALF_WIDTH - 0.035 - BALL_RADIUS_M / 2**0.5)
     )
+
+
+@given(st.floats(-POCKET, POCKET), st.floats(-HALF_WIDTH, HALF_WIDTH))
+def test_no_wall_is_nearer_than_the_room(x: float, y: float) -> None:
+    wall_x, wall_y, normal_x, normal_y, _ = closest_wall(x, y)
+    assert room(x, y) <= (x - wall_x) * normal_x + (y - wall_y) * normal_y + 1e-12

@@ -9,17 +9,31 @@ from math import sqrt
 
 from fbql_common.core.field import BALL_RADIUS_M, ROBOT_SIDE_M
 from fbql_common.core.kernels import kernel
-from fbql_common.core.walls import closest_wall
+from fbql_common.core.walls import CORNER, HALF_LENGTH, HALF_WIDTH, closest_wall
 
 _HALF = ROBOT_SIDE_M / 2
 _RADIUS = BALL_RADIUS_M
+ROBOT_REACH_M = _HALF * sqrt(2.0)
+"""Nothing farther from the robot's centre touches it."""
+TOUCH_M = ROBOT_REACH_M + _RADIUS
+"""The ball and the robot do not touch if their centres are farther from each other."""
+_ROOT_HALF = sqrt(0.5)
 _CORNERS = 2
 """Walls that can meet: so often a body is moved off the closest one."""
 
 
 @kernel
+def room(x_m: float, y_m: float) -> float:
+    """No wall is nearer to a place than this [m]: cheaper than the distance of the closest one. Below 0 in a goal pocket."""
+    to_end, to_side = HALF_LENGTH - abs(x_m), HALF_WIDTH - abs(y_m)
+    return min(to_end, to_side, (to_end + to_side - CORNER) * _ROOT_HALF)
+
+
+@kernel
 def ball_off_walls(x_m: float, y_m: float) -> tuple[float, float]:
     """The ball's centre, moved until the ball no longer overlaps a wall."""
+    if room(x_m, y_m) >= _RADIUS:
+        return x_m, y_m
     for _ in range(_CORNERS):
         wall_x, wall_y, normal_x, normal_y, _ = closest_wall(x_m, y_m)
         lack = _RADIUS - ((x_m - wall_x) * normal_x + (y_m - wall_y) * normal_y)

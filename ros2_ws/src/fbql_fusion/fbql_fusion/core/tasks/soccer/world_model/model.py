@@ -20,12 +20,20 @@ from fbql_fusion.core.tasks.soccer.world_model.ball import (
     ball_near,
     free_ball,
 )
-from fbql_fusion.core.tasks.soccer.world_model.bodies import ball_off_robot, ball_off_walls, robot_off_walls
+from fbql_fusion.core.tasks.soccer.world_model.bodies import (
+    ROBOT_REACH_M,
+    TOUCH_M,
+    ball_off_robot,
+    ball_off_walls,
+    robot_off_walls,
+    room,
+)
 from fbql_fusion.core.tasks.soccer.world_model.forest import Forest, leaf_of, no_forest
 from fbql_fusion.core.tasks.soccer.world_model.parameters import FAMILIES
 from fbql_fusion.core.tasks.soccer.world_model.real_steps import STATE
 from fbql_fusion.core.tasks.soccer.world_model.robot import (
     NEAR_OUTPUTS,
+    RobotMotion,
     Wheels,
     free_robot,
     robot_near_wall,
@@ -119,59 +127,92 @@ def _step_by_regions(
     x: Floats,
     generator: np.random.Generator,
 ) -> tuple[State, float]:
-    robot_x, robot_y, yaw, speed, rate, ball_x, ball_y, vx, vy = state
-    cosine, sine = cos(yaw), sin(yaw)
     tree = int(generator.random() * model.trees)
-
-    left, right = wheel_speeds(speed, rate)
-    robot = free_robot(model.wheels, left, right, command_left, command_right)
-    wall_x, wall_y, normal_x, normal_y, _ = closest_wall(robot_x, robot_y)
-    wall_m = (robot_x - wall_x) * normal_x + (robot_y - wall_y) * normal_y
-    if wall_m < model.robot_wall_m and len(model.robot_wall.roots) > 0:
-        ahead, aside = cosine * normal_x + sine * normal_y, cosine * normal_y - sine * normal_x
-        turned_cosine, turned_sine = cos(robot.turn_rad), sin(robot.turn_rad)
-        x[0], x[1], x[2], x[3] = speed, rate, robot.speed_m_s, robot.turn_rate_rad_s
-        x[4] = wall_m + ahead * robot.along_m + aside * robot.left_m
-        x[5] = -(turned_cosine * ahead + turned_sine * aside)
-        x[6] = turned_sine * ahead - turned_cosine * aside
-        robot = robot_near_wall(model.robot_wall, tree, x, robot)
+    robot_x, robot_y, yaw = state[0], state[1], state[2]
+    robot = _robot_moves(model, state, command_left, command_right, tree, x)
+    cosine, sine = cos(yaw), sin(yaw)
     robot_x += cosine * robot.along_m - sine * robot.left_m
     robot_y += sine * robot.along_m + cosine * robot.left_m
     yaw = wrapped(yaw + robot.turn_rad)
-
-    wall_x, wall_y, normal_x, normal_y, _ = closest_wall(ball_x, ball_y)
-    wall_m = (ball_x - wall_x) * normal_x + (ball_y - wall_y) * normal_y
-    dx, dy = ball_x - state[0], ball_y - state[1]
-    robot_m = sqrt(dx * dx + dy * dy)
-    ball = free_ball(model.rolling, vx, vy)
-    ball_x += ball.moved_x_m
-    ball_y += ball.moved_y_m
-    vx += ball.change_x_m_s
-    vy += ball.change_y_m_s
-    by_robot = robot_m < model.ball_robot_m and len(model.ball_robot.roots) > 0
-    if by_robot or (wall_m < model.ball_wall_m and len(model.ball_wall.roots) > 0):
-        wall_m += ball.moved_x_m * normal_x + ball.moved_y_m * normal_y
-        if by_robot:
-            axis_x, axis_y = cos(yaw), sin(yaw)
-            dx, dy = ball_x - robot_x, ball_y - robot_y
-            x[0], x[1] = axis_x * dx + axis_y * dy, axis_x * dy - axis_y * dx
-            x[2], x[3] = axis_x * vx + axis_y * vy - robot.speed_m_s, axis_x * vy - axis_y * vx
-            x[4], x[5], x[6] = robot.speed_m_s, robot.turn_rate_rad_s, wall_m
-            x[7], x[8] = axis_x * normal_x + axis_y * normal_y, axis_x * normal_y - axis_y * normal_x
-            ball = ball_near(model.ball_robot, tree, x)
-        else:
-            axis_x, axis_y = normal_x, normal_y
-            x[0], x[1], x[2] = wall_m, normal_x * vx + normal_y * vy, normal_x * vy - normal_y * vx
-            ball = ball_near(model.ball_wall, tree, x)
-        vx += axis_x * ball.change_x_m_s - axis_y * ball.change_y_m_s
-        vy += axis_y * ball.change_x_m_s + axis_x * ball.change_y_m_s
-        ball_x += axis_x * ball.moved_x_m - axis_y * ball.moved_y_m
-        ball_y += axis_y * ball.moved_x_m + axis_x * ball.moved_y_m
-
+    ball_x, ball_y, vx, vy = _ball_moves(model, state, robot_x, robot_y, yaw, robot, tree, x)
     after = (robot_x, robot_y, yaw, robot.speed_m_s, robot.turn_rate_rad_s, ball_x, ball_y, vx, vy)
     if model.known_sizes:
         after = apart(after)
     return after, robot.contact
+
+
+@kernel
+def _robot_moves(
+    model: WorldModel, state: State, command_left: float, command_right: float, tree: int, x: Floats
+) -> RobotMotion:
+    robot_x, robot_y, yaw, speed, rate = state[0], state[1], state[2], state[3], state[4]
+    left, right = wheel_speeds(speed, rate)
+    free = free_robot(model.wheels, left, right, command_left, command_right)
+    if len(model.robot_wall.roots) == 0 or room(robot_x, robot_y) >= model.robot_wall_m:
+        return free
+    wall_x, wall_y, normal_x, normal_y, _ = closest_wall(robot_x, robot_y)
+    wall_m = (robot_x - wall_x) * normal_x + (robot_y - wall_y) * normal_y
+    if wall_m >= model.robot_wall_m:
+        return free
+    cosine, sine = cos(yaw), sin(yaw)
+    ahead, aside = cosine * normal_x + sine * normal_y, cosine * normal_y - sine * normal_x
+    cosine, sine = cos(free.turn_rad), sin(free.turn_rad)
+    x[0], x[1], x[2], x[3] = speed, rate, free.speed_m_s, free.turn_rate_rad_s
+    x[4] = wall_m + ahead * free.along_m + aside * free.left_m
+    x[5], x[6] = -(cosine * ahead + sine * aside), sine * ahead - cosine * aside
+    return robot_near_wall(model.robot_wall, tree, x, free)
+
+
+@kernel
+def _ball_moves(
+    model: WorldModel,
+    state: State,
+    robot_x: float,
+    robot_y: float,
+    yaw: float,
+    robot: RobotMotion,
+    tree: int,
+    x: Floats,
+) -> tuple[float, float, float, float]:
+    """The ball's next place and velocity.
+
+    Args:
+        state: before the step.
+        robot_x, robot_y, yaw: the robot's next place.
+    """
+    ball_x, ball_y, vx, vy = state[5], state[6], state[7], state[8]
+    dx, dy = ball_x - state[0], ball_y - state[1]
+    by_robot = len(model.ball_robot.roots) > 0 and sqrt(dx * dx + dy * dy) < model.ball_robot_m
+    by_wall = not by_robot and len(model.ball_wall.roots) > 0 and room(ball_x, ball_y) < model.ball_wall_m
+    wall_m = normal_x = normal_y = 0.0
+    if by_robot or by_wall:
+        wall_x, wall_y, normal_x, normal_y, _ = closest_wall(ball_x, ball_y)
+        wall_m = (ball_x - wall_x) * normal_x + (ball_y - wall_y) * normal_y
+        by_wall = by_wall and wall_m < model.ball_wall_m
+    free = free_ball(model.rolling, vx, vy)
+    ball_x, ball_y = ball_x + free.moved_x_m, ball_y + free.moved_y_m
+    vx, vy = vx + free.change_x_m_s, vy + free.change_y_m_s
+    if not (by_robot or by_wall):
+        return ball_x, ball_y, vx, vy
+    wall_m += free.moved_x_m * normal_x + free.moved_y_m * normal_y
+    if by_robot:
+        axis_x, axis_y = cos(yaw), sin(yaw)
+        dx, dy = ball_x - robot_x, ball_y - robot_y
+        x[0], x[1] = axis_x * dx + axis_y * dy, axis_x * dy - axis_y * dx
+        x[2], x[3] = axis_x * vx + axis_y * vy - robot.speed_m_s, axis_x * vy - axis_y * vx
+        x[4], x[5], x[6] = robot.speed_m_s, robot.turn_rate_rad_s, wall_m
+        x[7], x[8] = axis_x * normal_x + axis_y * normal_y, axis_x * normal_y - axis_y * normal_x
+        correction = ball_near(model.ball_robot, tree, x)
+    else:
+        axis_x, axis_y = normal_x, normal_y
+        x[0], x[1], x[2] = wall_m, normal_x * vx + normal_y * vy, normal_x * vy - normal_y * vx
+        correction = ball_near(model.ball_wall, tree, x)
+    return (
+        ball_x + (axis_x * correction.moved_x_m - axis_y * correction.moved_y_m),
+        ball_y + (axis_y * correction.moved_x_m + axis_x * correction.moved_y_m),
+        vx + (axis_x * correction.change_x_m_s - axis_y * correction.change_y_m_s),
+        vy + (axis_y * correction.change_x_m_s + axis_x * correction.change_y_m_s),
+    )
 
 
 @kernel
@@ -213,12 +254,14 @@ def _step_of_whole(
 def apart(state: State) -> State:
     """Eq. 27 for a whole state: the robot off the walls, the ball off the robot and off the walls."""
     robot_x, robot_y, yaw, speed, rate, ball_x, ball_y, vx, vy = state
-    cosine, sine = cos(yaw), sin(yaw)
-    robot_x, robot_y = robot_off_walls(robot_x, robot_y, cosine, sine)
+    if room(robot_x, robot_y) < ROBOT_REACH_M:
+        robot_x, robot_y = robot_off_walls(robot_x, robot_y, cos(yaw), sin(yaw))
     dx, dy = ball_x - robot_x, ball_y - robot_y
-    ahead, left = cosine * dx + sine * dy, cosine * dy - sine * dx
-    x, y = ball_off_robot(ahead, left)
-    if x != ahead or y != left:
-        ball_x, ball_y = robot_x + cosine * x - sine * y, robot_y + sine * x + cosine * y
+    if dx * dx + dy * dy < TOUCH_M * TOUCH_M:
+        cosine, sine = cos(yaw), sin(yaw)
+        ahead, left = cosine * dx + sine * dy, cosine * dy - sine * dx
+        x, y = ball_off_robot(ahead, left)
+        if x != ahead or y != left:
+            ball_x, ball_y = robot_x + cosine * x - sine * y, robot_y + sine * x + cosine * y
     ball_x, ball_y = ball_off_walls(ball_x, ball_y)
     return robot_x, robot_y, yaw, speed, rate, ball_x, ball_y, vx, vy
