@@ -14,6 +14,7 @@ from fbql_fusion.core.tasks.soccer.world_model.fitting import (
     fitted_distance,
     fitted_gain_deviation,
     fitted_gap,
+    least_squares,
     mirrored,
     with_mirror_image,
 )
@@ -138,3 +139,16 @@ def test_the_gain_deviation_is_that_of_the_simulated_wheels() -> None:
 def test_too_few_steps_can_not_be_fitted() -> None:
     assert can_fit(STEPS)
     assert not can_fit(RealSteps(100))
+
+
+def test_least_squares_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=(300, 5)) * np.array([1.0, 10.0, 0.1, 2.0, 1.0])
+    y = rng.normal(size=(300, 2))
+    assert least_squares(x, y) == pytest.approx(np.linalg.lstsq(x, y, rcond=None)[0], rel=1e-5)
+
+
+def test_an_input_that_never_differs_gets_a_finite_weight() -> None:
+    x = np.column_stack([np.zeros(50), np.ones(50), np.arange(50.0)])
+    weights = least_squares(x, 3.0 + 2.0 * np.arange(50.0)[:, None])
+    assert weights[:, 0] == pytest.approx([0.0, 3.0, 2.0], abs=1e-4)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi, tau
+from math import cos, pi, sin, tau
 
 import numpy as np
 from fbql_common.core.field import AXLE_M, MAX_WHEEL_RAD_S, WHEEL_RADIUS_M
@@ -21,6 +21,7 @@ from fbql_fusion.core.tasks.soccer.world_model.robot import Wheels, fit_wheels
 LEAST_STEPS = 100
 """Real steps without which there is nothing to fit."""
 _FAR_QUANTILE = 0.995
+_RIDGE = 1e-9
 _EXCEEDS = 3.0
 """A body is free where an error stays below so many times this quantile of those of bodies that are certainly free."""
 _SETTLED_M_S, _FAST_M_S, _SETTLED_STEPS = 0.08, 0.3, 30
@@ -93,7 +94,7 @@ class _Seen:
         self.commanded = WHEEL_RADIUS_M * np.clip(real.commands, -MAX_WHEEL_RAD_S, MAX_WHEEL_RAD_S)
         self.speeds = _wheels_of(before)
         self.changes = _wheels_of(after) - self.speeds
-        self.cosine, self.sine = np.cos(before[:, 2]), np.sin(before[:, 2])
+        self.cosine, self.sine = directions(before[:, 2])
         self.robot_wall = walls_near(before[:, 0:2].copy())
         self.ball_wall = walls_near(before[:, 5:7].copy())
         self.ball = before[:, 5:7] - before[:, 0:2]
@@ -103,6 +104,12 @@ class _Seen:
     def in_robots_frame(self, vectors: Floats) -> Floats:
         """Vectors of the field, [N, 2], along the robot's heading and to its left."""
         return rotated(vectors, self.cosine, self.sine)
+
+
+def directions(angles_rad: Floats) -> tuple[Floats, Floats]:
+    """Cosine and sine of each angle, [N] each: not NumPy's own, which differ between processors."""
+    angles = angles_rad.tolist()
+    return np.array(list(map(cos, angles))), np.array(list(map(sin, angles)))
 
 
 def rotated(vectors: Floats, axis_x: Floats, axis_y: Floats) -> Floats:
@@ -156,7 +163,7 @@ def _fit_regions(seen: _Seen, parameters: WorldModelParameters, generator: np.ra
     free = _free_motion(wheels, seen.speeds, errors)
     normal = seen.in_robots_frame(seen.robot_wall[:, 1:3])
     next_m = seen.robot_wall[:, 0] + (normal * free[:, 0:2]).sum(axis=1)
-    bearing = -rotated(normal, np.cos(free[:, 2]), np.sin(free[:, 2]))
+    bearing = -rotated(normal, *directions(free[:, 2]))
     robot_x = np.column_stack([seen.before[:, 3:5], free[:, 3:5], next_m, bearing])
     robot_y = np.column_stack([robot_moved - free[:, 0:3], seen.after[:, 3:5] - free[:, 3:5], seen.touched])
 
@@ -165,7 +172,7 @@ def _fit_regions(seen: _Seen, parameters: WorldModelParameters, generator: np.ra
     normal = seen.ball_wall[:, 1:3]
     next_m = seen.ball_wall[:, 0] + (normal * moved).sum(axis=1)
     missed = seen.after[:, 7:9] - velocity, ball_moved - moved
-    axis = np.cos(seen.after[:, 2]), np.sin(seen.after[:, 2])
+    axis = directions(seen.after[:, 2])
     relative = rotated(velocity, *axis)
     relative[:, 0] -= seen.after[:, 3]
     place = rotated(seen.before[:, 5:7] + moved - seen.after[:, 0:2], *axis)
@@ -211,8 +218,31 @@ def _fit_whole(
     model = EMPTY._replace(family=family, trees=parameters.model_trees, known_sizes=parameters.model_known_sizes)
     if family == FOREST:
         return model._replace(whole=fit_forest(x, y, parameters.model_trees, parameters.model_leaf_steps, generator))
-    weights = np.linalg.lstsq(np.column_stack([x, np.ones(len(x))]), y, rcond=None)[0]
-    return model._replace(linear=np.ascontiguousarray(weights))
+    return model._replace(linear=least_squares(np.column_stack([x, np.ones(len(x))]), y))
+
+
+def least_squares(x: Floats, y: Floats) -> Floats:
+    """The weights w with the least square error of x w = y, hardly larger than need be; not by BLAS, which differs between
+    processors.
+
+    Args:
+        x: [N, d].
+        y: [N, m].
+
+    Returns:
+        [d, m]
+    """
+    d = x.shape[1]
+    both = np.column_stack([x, y])
+    system = np.array([(both * x[:, i : i + 1]).sum(axis=0) for i in range(d)])
+    for i in range(d):
+        system[i, i] += _RIDGE * (1.0 + system[i, i])
+    for i in range(d):  # Gauss-Jordan; the matrix is positive definite, so no pivot is 0
+        system[i] /= system[i, i]
+        for other in range(d):
+            if other != i:
+                system[other] -= system[other, i] * system[i]
+    return np.ascontiguousarray(system[:, d:])
 
 
 def fitted_distance(distance: Floats, missed: Floats) -> float:
