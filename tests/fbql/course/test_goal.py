@@ -15,7 +15,7 @@ from recorded_match import record_match
 
 @pytest.fixture(scope="module")
 def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A timeout, and then goals. Not to be changed."""
+    """Two goals. Not to be changed."""
     place = tmp_path_factory.mktemp("work")
     record_match(place / RUN, controller="subsumption", preset="tuned", seed=1, episodes=2, max_steps=600)
     return place
@@ -62,6 +62,15 @@ def test_a_match_without_a_goal_is_refused(tmp_path: Path) -> None:
     record_match(tmp_path / RUN, controller="subsumption", max_steps=20)
     with pytest.raises(BadInput, match="no episode in it ended in a goal"):
         check(["ball_seeking", "1"], tmp_path)
+
+
+def test_an_episode_that_ended_otherwise_before_the_goal_is_left_out(tmp_path: Path) -> None:
+    record_match(tmp_path / RUN, controller="subsumption", seed=4, episodes=2, max_steps=400)
+    run = open_run(tmp_path / RUN)
+    assert [episode.outcome for episode in run.episodes()] == ["timeout", "goal"]
+    steps = first_goal(run.steps(), "")
+    assert [step.step for step in steps] == list(range(len(steps)))
+    assert {step.episode for step in steps} == {1}
 
 
 def test_a_blend_is_refused_because_nobody_drove_alone(work: Path, monkeypatch: pytest.MonkeyPatch) -> None:
