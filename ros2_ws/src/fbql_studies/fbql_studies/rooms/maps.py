@@ -21,7 +21,8 @@ WALL_M = 0.2
 NARROWEST_GAP_M, WIDEST_GAP_M = 0.75, 1.0
 CLEARANCE_M = RADIUS_M + 0.05
 """Between the robot's centre and every obstacle on a way that makes a room solvable."""
-_CELL_M = 0.1
+CELL_M = 0.1
+"""Of the grid on which ways are looked for."""
 _ATTEMPTS = 1000
 
 Point = tuple[float, float]
@@ -166,10 +167,8 @@ def is_solvable(obstacles: tuple[Polygon, ...], start: Point, goal: Point) -> bo
 
     An obstacle is grown by moving its edges outwards, corners and all: a little more than the robot needs.
     """
-    cells = round(SIZE_M / _CELL_M)
-    is_free = np.zeros((cells + 2, cells + 2), dtype=np.bool_)
-    is_free[1:-1, 1:-1] = ~_is_near(obstacles, cells, CLEARANCE_M).any(axis=0)
-    first, last = ((int(y / _CELL_M) + 1, int(x / _CELL_M) + 1) for x, y in (start, goal))
+    is_free = free_cells(obstacles, CLEARANCE_M)
+    first, last = ((int(y / CELL_M) + 1, int(x / CELL_M) + 1) for x, y in (start, goal))
     if not (is_free[first] and is_free[last]):
         return False
     met = np.zeros_like(is_free)
@@ -186,9 +185,17 @@ def is_solvable(obstacles: tuple[Polygon, ...], start: Point, goal: Point) -> bo
     return False
 
 
+def free_cells(obstacles: tuple[Polygon, ...], clearance_m: float) -> NDArray[np.bool_]:
+    """Which cells of the grid are that far from every obstacle, [y, x], in a frame of cells that are not."""
+    cells = round(SIZE_M / CELL_M)
+    is_free = np.zeros((cells + 2, cells + 2), dtype=np.bool_)
+    is_free[1:-1, 1:-1] = ~_is_near(obstacles, cells, clearance_m).any(axis=0)
+    return is_free
+
+
 def _is_near(obstacles: tuple[Polygon, ...], cells: int, distance: float) -> NDArray[np.bool_]:
     """Which cells have their centre inside of each obstacle grown by a distance, [obstacles, y, x]."""
-    at = (np.arange(cells) + 0.5) * _CELL_M
+    at = (np.arange(cells) + 0.5) * CELL_M
     inside = np.ones((len(obstacles), cells, cells), dtype=np.bool_)
     corners = np.array(obstacles)
     edges = np.roll(corners, -1, axis=1) - corners
