@@ -9,6 +9,7 @@ from fbql_fusion.core.tasks.soccer.world_model.forest import (
     fit_forest,
     leaf_of,
     no_forest,
+    part,
     split_gains,
     sums_to_the_right,
 )
@@ -47,6 +48,14 @@ def test_a_row_on_the_threshold_belongs_to_the_right_part() -> None:
     x, y = np.array([[1.0], [2.0]]), np.array([[5.0], [7.0]])
     counts, sums = sums_to_the_right(x, y, np.arange(2), np.array([2.0]))
     assert (counts.tolist(), sums.tolist()) == ([1], [[7.0]])
+
+
+def test_rows_are_parted_in_their_order_and_one_on_the_threshold_goes_to_the_right() -> None:
+    x = np.array([[3.0], [1.0], [2.0], [0.0]])
+    for split in (part.interpreted, part.function):
+        rows = np.arange(4)
+        assert split(x, rows, 0, 2.0) == 2
+        assert rows.tolist() == [1, 3, 0, 2]
 
 
 def test_every_row_is_in_one_leaf_of_each_tree_and_no_leaf_is_too_small() -> None:

@@ -126,8 +126,12 @@ def test_a_collision_counts_when_it_begins_and_again_only_after_the_gap() -> Non
     imagined = played(AWAY, near)
     assert imagined.collisions.tolist() == [1]
     assert imagined.rewards == pytest.approx([-0.5] + [0.0] * 7)
-    touching.outputs[0, 5] = 0.2
-    assert 1 < played(AWAY, near, parameters=replace(SAME_PLACE, imagined_max_steps=200)).collisions[0] < 50
+    touching.outputs[0, 5] = 0.5
+    long = replace(SAME_PLACE, imagined_max_steps=500)
+    for gap in (1, 2, 3):
+        imagined = played(AWAY, near._replace(gap_steps=gap), episodes=5, parameters=long)
+        # a contact, and before it as many steps without one
+        assert imagined.collisions.sum() / imagined.steps.sum() == pytest.approx(0.5 * 0.5**gap, rel=0.2)
 
 
 def test_the_features_are_those_of_a_real_situation() -> None:
@@ -199,6 +203,18 @@ def test_the_driver_follows_its_own_tree_while_it_is_held() -> None:
     model = MODEL._replace(gain_deviation=0.0)
     imagined = played(AWAY, model, features, theta, parameters=replace(SAME_PLACE, imagined_max_steps=4))
     assert imagined.rows[-1].tolist() == features.row(situation_of(world))
+
+
+def test_how_long_a_decision_is_held_changes_nothing_where_one_behavior_drives_alone() -> None:
+    theta = np.zeros((50_000, 3))
+    theta[:, 0] = 50.0
+    ends: list[list[int]] = []
+    for hold in (1, 60):
+        features = some_features()
+        long = replace(SAME_PLACE, imagined_max_steps=60)
+        row = played(AWAY, MODEL._replace(gain_deviation=0.0), features, theta, hold=hold, parameters=long).rows[-1]
+        ends.append(features.keys[row].tolist())
+    assert ends[0] == ends[1]
 
 
 def test_starts_are_near_observed_ones_or_observed_states() -> None:

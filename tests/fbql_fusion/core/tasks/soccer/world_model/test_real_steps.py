@@ -68,6 +68,13 @@ def test_the_oldest_episodes_make_room() -> None:
     assert steps.starts()[:, 5].tolist() == [30.0, 40.0]
 
 
+def test_as_many_steps_as_the_capacity_are_kept() -> None:
+    steps = RealSteps(6)
+    played(steps, 3)
+    played(steps, 3)
+    assert len(steps) == 6
+
+
 def test_the_latest_episode_stays_even_if_it_is_longer_than_the_capacity() -> None:
     steps = RealSteps(7)
     played(steps, 3)

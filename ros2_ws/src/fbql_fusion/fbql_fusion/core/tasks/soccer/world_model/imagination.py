@@ -190,14 +190,10 @@ def play_episodes(
             )
             state = within_numbers(state)
             step += 1
-            reward = 0.0
-            if touched:
-                if since_contact >= model.gap_steps:
-                    collisions[episode] += 1
-                    reward = rules.rewards.collision
-                since_contact = 0
-            else:
-                since_contact += 1
+            begins = touched and since_contact >= model.gap_steps
+            since_contact = 0 if touched else since_contact + 1
+            collisions[episode] += begins
+            reward = rules.rewards.collision if begins else 0.0
             if abs(state[5]) >= GOAL_X_M and abs(state[6]) < HALF_GOAL:
                 outcome = GOAL if state[5] > 0.0 else OWN_GOAL
                 reward += rules.rewards.goal if outcome == GOAL else rules.rewards.own_goal
