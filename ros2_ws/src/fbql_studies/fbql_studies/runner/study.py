@@ -91,6 +91,7 @@ STUDIES: dict[str, str] = {
         "ablation",
         "ladder",
         "leaf_tuning",
+        "mux",
         "objectives",
         "paper",
         "peers",

@@ -1,0 +1,1 @@
+"""Study: a mux that learns, against priorities, in rooms."""
