@@ -33,7 +33,7 @@ ORDERS: Mapping[str, Key] = {
     "next": Key.NEXT,
 }
 """What a page asks for."""
-_PICTURE_S = 1 / 30
+_PICTURE_S = 1 / 20
 _ALONE_S = 3.0
 """How long a paused match waits for a page after the last one was closed: as long as loading it again takes [s]."""
 _SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")

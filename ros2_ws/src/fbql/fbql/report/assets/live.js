@@ -1,6 +1,6 @@
 // Starts the page of a match that is being played: its steps come over a connection, which also sets the match's pace.
 
-const TIMELINES_MS = 400;
+const TIMELINES_MS = 1000; // drawing them takes as long as many pictures of the field
 
 /** Shows the newest step as it comes. Whoever goes back looks around there, until sent back; at the end it is a Player. */
 class LivePlayer extends Player {
