@@ -29,6 +29,7 @@ from unittest.mock import patch
 
 from fbql.cli.parser import Parser
 from fbql.match.in_process import play
+from fbql.match.trees import playing_trees
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
@@ -96,7 +97,7 @@ def measure(controller: str, steps: int, rounds: int, warm_up: int = 0) -> dict[
         "loop": lambda: sum(map(loop, episodes)),
         "resets": lambda: resets(episodes),
         "sensing": lambda: sensing(behaviors, episodes),
-        "decide": lambda: decide(fusion, policy, episodes, digest),
+        "decide": lambda: decide(fusion, policy, behaviors, episodes, digest),
     }
     found: dict[str, list[float]] = {name: [] for name in parts}
     for number in range(rounds):
@@ -132,9 +133,15 @@ def measure(controller: str, steps: int, rounds: int, warm_up: int = 0) -> dict[
     }
 
 
+def session_of(fusion: FusionParameters, policy: Policy | None, behaviors: Sequence[Behavior]) -> SoccerSession:
+    """A session that knows the behaviors' trees."""
+    return SoccerSession(fusion, policy, playing_trees(behavior.tree for behavior in behaviors))
+
+
 def train(controller: str, behaviors: Sequence[Behavior], episodes: int) -> Policy | None:
     """A controller's policy after its guided episodes and `episodes` more; None for one that does not learn."""
-    session = SoccerSession(FusionParameters(controller=controller, seed=WARM_UP_SEED, episodes=episodes))
+    fusion = FusionParameters(controller=controller, seed=WARM_UP_SEED, episodes=episodes)
+    session = session_of(fusion, None, behaviors)
     if episodes == 0 or session.guided == 0:
         return None
     play(session, WorldLoop(), behaviors, lambda: True)
@@ -145,7 +152,7 @@ def play_once(
     fusion: FusionParameters, policy: Policy | None, behaviors: Sequence[Behavior], steps: int
 ) -> tuple[list[PlayedEpisode], str]:
     """Whole episodes of at least `steps` steps in all, and their digest."""
-    session, episodes = SoccerSession(fusion, policy), list[PlayedEpisode]()
+    session, episodes = session_of(fusion, policy, behaviors), list[PlayedEpisode]()
 
     def step_decided(
         world: World, outputs: Sequence[BehaviorOutput], command: WheelCommand, _decision: Decision
@@ -165,7 +172,7 @@ def whole(
     fusion: FusionParameters, policy: Policy | None, behaviors: Sequence[Behavior], episodes: int, digest: str
 ) -> float:
     """Seconds of the match."""
-    session, world_loop = SoccerSession(fusion, policy), WorldLoop()
+    session, world_loop = session_of(fusion, policy, behaviors), WorldLoop()
     begun_s = process_time()
     play(session, world_loop, behaviors, lambda: len(session.records) < episodes)
     seconds = process_time() - begun_s
@@ -268,9 +275,15 @@ def sensing(behaviors: Sequence[Behavior], episodes: Sequence[PlayedEpisode]) ->
     return process_time() - begun_s
 
 
-def decide(fusion: FusionParameters, policy: Policy | None, episodes: Sequence[PlayedEpisode], digest: str) -> float:
+def decide(
+    fusion: FusionParameters,
+    policy: Policy | None,
+    behaviors: Sequence[Behavior],
+    episodes: Sequence[PlayedEpisode],
+    digest: str,
+) -> float:
     """Seconds of Session.decide, and of a learner's work between episodes."""
-    session = SoccerSession(fusion, policy)
+    session = session_of(fusion, policy, behaviors)
     begun_s = process_time()
     for episode in episodes:
         session.next_episode()

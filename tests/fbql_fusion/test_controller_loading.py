@@ -95,7 +95,7 @@ def test_own_parameters_are_checked_and_belong_to_it_alone(tmp_path: Path) -> No
     assert limits_of(fusion_parameters("Bandit"))["bandit_rate"].owners == ("Bandit",)
     own = from_mapping(fusion_parameters("Bandit"), values(), "here")
     assert list(unused_parameters(own, ["bandit_rate", "fbql_rate"], guided=False)) == [
-        "fbql_rate has no effect: it belongs to fbql, and the controller is Bandit"
+        "fbql_rate has no effect: it belongs to fbql and fbql_model, and the controller is Bandit"
     ]
     assert list(unused_parameters(replace(own, controller="uniform"), ["bandit_rate"], guided=False)) == [
         "bandit_rate has no effect: it belongs to Bandit, and the controller is uniform"

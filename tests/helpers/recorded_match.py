@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
+from fbql.match.trees import playing_trees
 from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.observation_loading import find_observation
 from fbql_behaviors.storage import load_tree
@@ -61,7 +62,8 @@ def record_match(
     """
     parameters = FusionParameters(**{"episodes": 2, "seed": 3, **fusion})
     files = {name: trees / f"{name}.json" for name in parameters.behaviors}
-    session = SoccerSession(parameters, None if policy is None else load_policy(policy))
+    trees_ = playing_trees(load_tree(path) for path in files.values())
+    session = SoccerSession(parameters, None if policy is None else load_policy(policy), trees_)
     loop = WorldLoop(SimulationParameters(max_steps=max_steps))
     sources = dict(observations or {})
     behaviors = [

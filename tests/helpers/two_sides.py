@@ -27,7 +27,7 @@ def parameters(learner: str = "fbql", **changes: object) -> FusionParameters:
     """Parameters of a learner for this task, which has no mirror and is learned in few episodes.
 
     Args:
-        learner: `fbql` or `fbql_value`.
+        learner: `fbql`, `fbql_model` or `fbql_value`.
         changes: parameters; `own_` stands for the learner's name, so that `own_hold_s` is a parameter of each.
     """
     values: dict[str, object] = {

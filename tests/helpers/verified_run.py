@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fbql.replay.recomputation import RecordedBehaviors, recorded_parameters, recorded_policy, recorded_trees
+from fbql.replay.recomputation import (
+    RecordedBehaviors,
+    recorded_parameters,
+    recorded_playing_trees,
+    recorded_policy,
+    recorded_trees,
+)
 from fbql.replay.verification import Verification, verify
 from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_recording.run import open_run
@@ -16,4 +22,5 @@ def verification_of(path: Path) -> Verification:
     parameters, notes = recorded_parameters(run)
     assert notes == []
     behaviors = RecordedBehaviors(run, recorded_trees(run), {})
-    return verify(run, SoccerSession(parameters, recorded_policy(run)), behaviors, lambda _: None)
+    session = SoccerSession(parameters, recorded_policy(run), recorded_playing_trees(run))
+    return verify(run, session, behaviors, lambda _: None)

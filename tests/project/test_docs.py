@@ -19,9 +19,10 @@ from fbql_behaviors.core.instructors import Habits
 from fbql_behaviors.core.leaf_tuning import TuningParameters
 from fbql_behaviors.core.recipes import Recipe
 from fbql_fusion.core.controllers.parameters import SessionParameters
+from fbql_fusion.core.learners.dyna.parameters import FbqlModelParameters
 from fbql_fusion.core.learners.literal.parameters import LiteralParameters
 from fbql_fusion.core.learners.parameters import FeatureParameters
-from fbql_fusion.core.learners.ppo.parameters import FbqlParameters, PpoParameters
+from fbql_fusion.core.learners.ppo.parameters import FbqlParameters, PpoParameters, PpoUpdateParameters
 from fbql_fusion.core.learners.value.parameters import FbqlValueParameters, ValueParameters
 from fbql_fusion.core.tasks.soccer.parameters import SoccerParameters
 from fbql_fusion.core.tasks.soccer.subsumption import PRESETS, SubsumptionParameters
@@ -61,6 +62,7 @@ TEST = re.compile(r"(tests/[\w/]+\.py)::(\w+)")
 DECLARATIONS = {
     declaration.__name__: declaration
     for declaration in (
+        FbqlModelParameters,
         FbqlParameters,
         FbqlValueParameters,
         FeatureParameters,
@@ -69,6 +71,7 @@ DECLARATIONS = {
         InductionParameters,
         LiteralParameters,
         PpoParameters,
+        PpoUpdateParameters,
         Recipe,
         SessionParameters,
         SoccerParameters,

@@ -51,7 +51,7 @@ CASES: Sequence[tuple[Callable[[Sequence[str]], int], str, list[str]]] = [
     (tree, "check {tree} --observation {own}", []),
     (train, "--controller subsumption --policy none --no-learn --observation {own} --set fbql_rate=0.1 --out {new}",
      ["--no-learn has no effect: subsumption does not learn",
-      "fbql_rate has no effect: it belongs to fbql, and the controller is subsumption",
+      "fbql_rate has no effect: it belongs to fbql and fbql_model, and the controller is subsumption",
       "--policy none has no effect: subsumption takes no policy",
       NOT_OWN]),
     (train, "--controller subsumption --set ball_mass_kg=0.05 --preset paper --out {new}", []),

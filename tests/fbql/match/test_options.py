@@ -87,7 +87,7 @@ def test_the_same_options_are_what_was_set_and_not_what_a_run_chooses(tmp_path: 
         (
             ["--controller", "uniform", "--set", "fbql_mirror=false", "--set", "layers=ball_seeking"],
             [
-                "fbql_mirror has no effect: it belongs to fbql and fbql_value, and the controller is uniform",
+                "fbql_mirror has no effect: it belongs to fbql, fbql_model and fbql_value, and the controller is uniform",
                 "layers has no effect: it belongs to subsumption, the controller is uniform, and no episode is guided",
             ],
         ),

@@ -151,13 +151,13 @@ def test_a_parameter_of_another_controller_plays_no_part_and_that_is_said(layere
     found = what_if(layered, capsys, "--set", "weight_gain=0.05", "--set", "fbql_rate=0.2")
     assert found["steps_that_differ"] == 0
     assert sorted(found["notes"]) == [
-        "fbql_rate has no effect: it belongs to fbql, and the controller is subsumption",
+        "fbql_rate has no effect: it belongs to fbql and fbql_model, and the controller is subsumption",
         "weight_gain has no effect: it belongs to fbql_literal, and the controller is subsumption",
     ]
     others = {
-        "fbql_mirror=false": "fbql and fbql_value",
+        "fbql_mirror=false": "fbql, fbql_model and fbql_value",
         "fbql_value_trace=0.5": "fbql_value",
-        "fbql_value_rate=0.5": "fbql",
+        "fbql_value_rate=0.5": "fbql and fbql_model",
     }
     for change, owner in others.items():
         assert what_if(layered, capsys, "--set", change)["notes"] == [

@@ -105,7 +105,7 @@ def play(
     """Plays a match in this process, as the command `fbql train` does: the same arguments give the same digest.
 
     Args:
-        controller: fbql (the default), fbql_value, fbql_literal, subsumption, uniform, one that was registered or is
+        controller: fbql (the default), fbql_model, fbql_value, fbql_literal, subsumption, uniform, one that was registered or is
             installed, or FILE.py:NAME. With `preset` alone it is subsumption.
         episodes: end after this many episodes, not counting guided ones.
         goals: end after this many goals; without `episodes` 10.

@@ -56,13 +56,9 @@ class Episodes:
         """Whether the simulator's service is there."""
         return self._client.service_is_ready()
 
-    def begin_next(self) -> bool:
-        """Requests the next episode; returns False when the run is done."""
-        self.under_way = False
-        asked = self._session.next_episode()
-        if asked is not None:
-            self._begin(asked, anywhere=False)
-        return asked is not None
+    def begin(self, episode: int, seed: int) -> None:
+        """Requests an episode, the one that the session began."""
+        self._begin((episode, seed), anywhere=False)
 
     def heard_foreign(self, world: World) -> None:
         """Call this for a world state of another episode. If no others arrive, the simulator has lost the episode: it

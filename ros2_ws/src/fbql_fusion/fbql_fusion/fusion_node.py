@@ -36,13 +36,15 @@ from fbql_fusion.controller_loading import register_installed, resolve_controlle
 from fbql_fusion.core.assembly import Arrival, PendingStep, StepAssembly
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.registry import fusion_parameters
-from fbql_fusion.core.soccer_session import SoccerSession
+from fbql_fusion.core.soccer_session import SoccerSession, imagines, plays_instead
 from fbql_fusion.episodes import Episodes
 from fbql_fusion.node_parameters import DEFAULT_GOALS, FusionNodeParameters
 from fbql_fusion.policy_storage import load_policy
+from fbql_fusion.reflection import Reflection
 from fbql_fusion.run_recorder import INCOMPLETE, RunRecorder
 from fbql_fusion.shipped import shipped_policy
 from fbql_fusion.status import Status
+from fbql_fusion.team_files import read_playing_trees
 
 _CHECK_PERIOD_S = 0.02
 SHIPPED, NO_POLICY = "shipped", "none"
@@ -74,7 +76,10 @@ class FusionNode(GraphNode):
             )
         file = _policy_file(self._settings.policy)
         self._settings = replace(self._settings, policy=str(file or ""))
-        self._session = SoccerSession(fusion, None if file is None else load_policy(file))
+        trees = read_playing_trees([Path(path) for path in self._settings.tree_files]) if imagines(fusion) else ()
+        self._session = SoccerSession(fusion, None if file is None else load_policy(file), trees)
+        if instead := plays_instead(fusion, trees):
+            self.get_logger().warning(one_line(instead))
         self._assembly = StepAssembly(fusion.behaviors)
         self._episodes = Episodes(
             self, self._session, self._assembly, self._settings.world_timeout_s, lambda: self._run.episode_restarted()
@@ -100,6 +105,8 @@ class FusionNode(GraphNode):
         self._run = RunRecorder(self._settings, self._session, self.resolve_topic_name, complain)
 
         self._started = False
+        self._reflection: Reflection | None = None
+        """What the controller does between two episodes, if that takes long and is under way."""
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._command: WheelCommand | None = None
         """The command of the step that was decided last."""
@@ -163,9 +170,30 @@ class FusionNode(GraphNode):
 
     def _next_episode(self) -> None:
         self._given_up.clear()
-        if not self._episodes.begin_next():
-            self._run.close()
-            self.finish(self._run.exit_code())
+        self._episodes.under_way = False
+        if self._session.reflects_next:
+            self._reflection = Reflection(self._session)
+        else:
+            self._begin(self._session.next_episode())
+
+    def _begin(self, asked: tuple[int, int] | None) -> None:
+        """Requests an episode; None ends the run."""
+        if asked is not None:
+            self._episodes.begin(*asked)
+            return
+        self._run.close()
+        self.finish(self._run.exit_code())
+
+    def _begin_after(self, reflection: Reflection) -> None:
+        """Begins the next episode if the controller has learned enough."""
+        if reflection.is_under_way:
+            return
+        self._reflection = None
+        try:
+            self._begin(reflection.next_episode())
+        except BadInput as error:
+            self.get_logger().error(str(error))
+            self.finish(BAD_INPUT)
 
     # What did not come
 
@@ -178,8 +206,12 @@ class FusionNode(GraphNode):
             # In that time it was this process that kept the others waiting.
             self._began_s += stood_still_s
             self._episodes.heard_s += stood_still_s
+        self._status.reflects_s = self._reflection.lasts_s if self._reflection is not None else 0.0
         self._status.publish_due(now, self._diagnostics, self)
         if self._has_twins() or not self.is_settled:
+            return
+        if self._reflection is not None:
+            self._begin_after(self._reflection)
             return
         if not self._started:
             self._start(now)

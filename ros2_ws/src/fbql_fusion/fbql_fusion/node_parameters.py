@@ -28,7 +28,11 @@ class FusionNodeParameters:
     controller_file: str = parameter(
         "", "FILE.py:NAME of your own controller; empty: one of this package or of an installed one"
     )
-    tree_files: list[str] = parameter([], "tree files in use: copied into the run directory and the recording")
+    tree_files: list[str] = parameter(
+        [],
+        "tree files in use, in the order of the behaviors: copied into the run directory and the recording, and what "
+        "fbql_model imagines with",
+    )
     config_file: str = parameter(
         "", "parameter file of the whole graph, for the run's config.yaml; empty: only this node's"
     )

@@ -23,6 +23,8 @@ class Status:
         self._session = session
         self._inputs = inputs
         self.decision: Decision | None = None
+        self.reflects_s = 0.0
+        """For how long the controller has been learning between two episodes; 0: it is not [s]."""
         self._due_s = 0.0
         self._last = (monotonic(), 0)
 
@@ -49,6 +51,7 @@ class Status:
             "timeouts": str(outcomes.count("timeout")),
             "steps_per_s": f"{rate:.0f}",
             "dropped": str(sum(source.dropped for source in self._inputs)),
+            "reflects_s": f"{self.reflects_s:.1f}",
             "weights": " ".join(
                 f"{name} {weight:.2f}"
                 for name, weight in zip(decision.behaviors, decision.learned_weights or decision.weights, strict=True)
@@ -57,7 +60,11 @@ class Status:
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if decision.degraded else DiagnosticStatus.OK,
             name=f"{node.get_fully_qualified_name()[1:]}: match",
-            message="degraded: a behavior did not answer" if decision.degraded else "playing",
+            message="degraded: a behavior did not answer"
+            if decision.degraded
+            else "learning between two episodes"
+            if self.reflects_s
+            else "playing",
             hardware_id="fusion",
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )

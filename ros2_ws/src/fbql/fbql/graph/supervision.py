@@ -258,7 +258,7 @@ class Supervision:
         failure."""
         fusion = self._started[-1]
         stalled_s = _STALLED_S + (10 * match.simulation.dt_s / self._mode.realtime if self._mode.realtime else 0.0)
-        place, moved_s = ("", ""), monotonic()
+        place, moved_s = ("",) * 3, monotonic()
         while not self._interrupts.came:
             self._look(observer, _LOOK_S)
             if observer.status and not (self._view and self._view.takes_terminal):
@@ -273,7 +273,7 @@ class Supervision:
                     self._look(observer, _LAST_MOMENT_S)
                 return
             self._fail_on_exit()
-            now_at = observer.status.get("episode", ""), observer.status.get("step", "")
+            now_at = tuple(observer.status.get(name, "") for name in ("episode", "step", "reflects_s"))
             if now_at != place or (self._view and self._view.holds):
                 place, moved_s = now_at, monotonic()
             elif monotonic() - moved_s > stalled_s:

@@ -16,6 +16,7 @@ from fbql_common.core.types import BehaviorOutput, Decision, Phase, WheelCommand
 from fbql_common.files import removed_on_failure
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.soccer_session import SoccerSession
+from fbql_fusion.core.tasks.soccer.world_model.soccer_imagination import PlayingTree
 from fbql_fusion.policy_storage import learned_bytes, load_policy
 from fbql_fusion.shipped import shipped_policy
 from fbql_recording.core.metrics import Summary
@@ -24,6 +25,7 @@ from fbql_sim.core.world_loop import WorldLoop
 
 from fbql.cli.output import complain
 from fbql.match.options import Match, make_run_directory
+from fbql.match.trees import playing_trees
 
 StepObserver = Callable[[World, Sequence[BehaviorOutput], WheelCommand, Decision], None]
 
@@ -65,14 +67,15 @@ def parts_of(match: Match, policy: Policy | None = None) -> Parts:
             behaviors.append(Behavior(name, tree, observation))
         except BadInput as error:
             raise BadInput(f"{path}: {error}") from None
-    session = SoccerSession(match.fusion, policy) if policy is not None else _session_of(match)
+    trees = playing_trees(behavior.tree for behavior in behaviors)
+    session = SoccerSession(match.fusion, policy, trees) if policy is not None else _session_of(match, trees)
     return Parts(session, WorldLoop(match.simulation), behaviors)
 
 
-def _session_of(match: Match) -> SoccerSession:
+def _session_of(match: Match, trees: Sequence[PlayingTree]) -> SoccerSession:
     policy = None if match.policy is None else load_policy(match.policy)
     try:
-        return SoccerSession(match.fusion, policy)
+        return SoccerSession(match.fusion, policy, trees)
     except BadInput as error:
         if policy is None:
             raise

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from fbql_behaviors.core.tree import Tree
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
@@ -23,6 +24,7 @@ from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.controllers.parameters import CONTROLLERS, guided_episodes
 from fbql_fusion.core.parameters import FusionParameters, check_fusion, unused_parameters
 from fbql_fusion.core.registry import fusion_parameters, learns
+from fbql_fusion.core.soccer_session import plays_instead
 from fbql_fusion.core.tasks.soccer.subsumption import PRESETS
 from fbql_fusion.node_parameters import DEFAULT_GOALS, FusionNodeParameters
 from fbql_fusion.shipped import shipped_policy
@@ -33,6 +35,7 @@ from fbql.cli.controllers import add_controller_option
 from fbql.cli.observations import add_observation_option, register_observations, unused_observations
 from fbql.cli.parser import Help, Parser, add_json_option, output_path
 from fbql.cli.places import RUNS
+from fbql.match.trees import playing_trees
 
 RESERVED_NAMES = {"simulator", "fusion", "bringup", "behavior"}
 _OF_THE_RUN = {"controller", "seed", "episodes", "goals", "guided", "learn"}
@@ -173,7 +176,10 @@ def match_from(arguments: argparse.Namespace, has_policy: bool = False) -> Match
     notes += _unused(fusion, has_policy, given)
     if arguments.policy == "none" and not learns(fusion):
         notes.append(f"--policy none has no effect: {fusion.controller} takes no policy")
-    notes += unused_observations(observations, _behaviors_of_trees(behaviors))
+    trees = _loadable_trees(behaviors)
+    notes += unused_observations(observations, {tree.behavior for tree in trees})
+    if len(trees) == len(behaviors) and (instead := plays_instead(fusion, playing_trees(trees))):
+        notes.append(instead)
     notes += _notes_on_trees(behaviors, arguments.trees)
     return Match(
         fusion=fusion,
@@ -247,12 +253,12 @@ def _are_shipped(behaviors: dict[str, Path]) -> bool:
         return False  # it is reported where the tree is played
 
 
-def _behaviors_of_trees(files: dict[str, Path]) -> set[str]:
-    """The behaviors that these tree files name. One that can't be read is reported where it is played."""
-    found: set[str] = set()
+def _loadable_trees(files: dict[str, Path]) -> list[Tree]:
+    """The trees in these files. One that can't be read is reported where it is played."""
+    found: list[Tree] = []
     for path in files.values():
         with suppress(BadInput):
-            found.add(load_tree(path).behavior)
+            found.append(load_tree(path))
     return found
 
 

@@ -6,8 +6,9 @@ holds everything else: every parameter including the seed, the trees, and the po
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 from fbql_behaviors.core.behavior import Behavior
@@ -23,9 +24,12 @@ from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import fusion_parameters
 from fbql_fusion.core.soccer_session import SoccerSession
+from fbql_fusion.core.tasks.soccer.world_model.soccer_imagination import PlayingTree
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import policy_from_bytes
 from fbql_recording.run import Run
+
+from fbql.match.trees import playing_trees
 
 
 class OutOfPlace(Exception):
@@ -115,6 +119,20 @@ def recorded_policy(run: Run, node: str = "fusion") -> Policy | None:
     return None
 
 
+def recorded_playing_trees(run: Run, instead: Mapping[str, Behavior] | None = None) -> list[PlayingTree]:
+    """The trees of the run's behaviors, in order; empty where the fusion node did not have them. Raises BadInput.
+
+    Args:
+        instead: behaviors that play with another tree.
+    """
+    files: list[str] = run.parameters.get("fusion", {}).get("tree_files", [])
+    recorded = dict(_trees_by_name(run))
+    trees = [recorded.get(f"{recording_names.TREES}{Path(file).name}") for file in files]
+    known = {name: tree for name, tree in zip(run.behaviors, trees, strict=False) if tree is not None}
+    known |= {name: behavior.tree for name, behavior in (instead or {}).items()}
+    return playing_trees(known[name] for name in run.behaviors if name in known)
+
+
 def what_is_lost(run: Run) -> str:
     """Says which input of the decisions was lost with a part of the recording, so that they can't be recomputed; "" if
     none was."""
@@ -130,15 +148,16 @@ def what_is_lost(run: Run) -> str:
 
 def recorded_trees(run: Run) -> dict[str, Tree]:
     """The trees in the recording, by hash. Raises BadInput for a damaged one."""
-    trees: dict[str, Tree] = {}
+    return {tree.hash: tree for _, tree in _trees_by_name(run)}
+
+
+def _trees_by_name(run: Run) -> Iterator[tuple[str, Tree]]:
     for name, data in run.attachments.items():
         if name.startswith(recording_names.TREES):
             try:
-                tree = tree_from_bytes(data)
+                yield name, tree_from_bytes(data)
             except BadInput as error:
                 raise BadInput(f"{run.path}: {name}: {error}") from None
-            trees[tree.hash] = tree
-    return trees
 
 
 class RecordedBehaviors:

@@ -41,6 +41,7 @@ from fbql.replay.recomputation import (
     RecordedSession,
     changed_software,
     recorded_parameters,
+    recorded_playing_trees,
     recorded_policy,
     recorded_trees,
     what_is_lost,
@@ -248,7 +249,7 @@ def verify_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts) 
         parameters, notes = recorded_parameters(run)
         if controller not in ("", parameters.controller):
             raise BadInput(f"--controller {arguments.controller}: the run's controller is '{parameters.controller}'")
-        session = SoccerSession(parameters, recorded_policy(run))
+        session = SoccerSession(parameters, recorded_policy(run), recorded_playing_trees(run))
     recompute = lambda progress: verify(run, session, behaviors, progress)  # noqa: E731
     return _report(run, arguments, interrupts, recompute, behaviors.missing, lost, notes)
 

@@ -22,7 +22,7 @@ from fbql_fusion.controller_loading import resolve_controller
 from fbql_fusion.core.parameters import FusionParameters, check_fusion, unused_parameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import fusion_parameters
-from fbql_fusion.core.soccer_session import SoccerSession
+from fbql_fusion.core.soccer_session import SoccerSession, plays_instead
 from fbql_fusion.core.tasks.soccer.subsumption import FROM_PRESET
 from fbql_fusion.policy_storage import load_policy
 from fbql_recording.run import Run
@@ -31,7 +31,7 @@ from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import register_observations, unused_observations
 from fbql.cli.output import LiveLine, complain, print_result, writing
 from fbql.match.options import errors_name_options, parse_value, similar
-from fbql.replay.recomputation import recorded_parameters, recorded_policy
+from fbql.replay.recomputation import recorded_parameters, recorded_playing_trees, recorded_policy
 from fbql.replay.what_if import Compared, DifferenceTally, Tallies, compare_steps
 
 NO_POLICY = "none"
@@ -50,7 +50,10 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
     parameters = _changed(recorded, arguments, controller)
     policy = _policy(run, recorded, parameters, arguments.policy, notes)
     behaviors = _behaviors(run, arguments)
-    session = SoccerSession(from_mapping(type(parameters), {**asdict(parameters), **_ENDLESS}, "fusion"), policy)
+    endless = from_mapping(type(parameters), {**asdict(parameters), **_ENDLESS}, "fusion")
+    trees = recorded_playing_trees(run, behaviors)
+    notes += [line] if (line := plays_instead(endless, trees)) else []
+    session = SoccerSession(endless, policy, trees)
     before = {**defaults_of(type(parameters)), **asdict(recorded)}
     changes = {name: [before[name], now] for name, now in asdict(parameters).items() if now != before[name]}
     tallies = Tallies(run.behaviors)

@@ -24,6 +24,9 @@ CONTROLLERS = {
     "fbql": "One behavior drives alone for a while (fbql_hold_s); it is chosen by learned weights, which depend on "
     'the joint state (the leaves of all behaviors) and on what is sensed. "weight" shows the choice: 1 for the behavior that drives. It '
     "learns no Q.",
+    "fbql_model": "One behavior drives alone for a while (fbql_model_play_s): the one with the largest learned weight. The weights "
+    "depend on the joint state (the leaves of all behaviors) and on what is sensed, and are learned between the episodes, in "
+    'imagined ones. "weight" shows the choice: 1 for the behavior that drives. It learns no Q.',
     "fbql_value": "One behavior drives alone for a while (fbql_value_hold_s); it is chosen by weights that follow Q, the "
     "learned value of each behavior, which depends on the joint state (the leaves of all behaviors) and on what is sensed. "
     '"weight" shows the choice: 1 for the behavior that drives.',

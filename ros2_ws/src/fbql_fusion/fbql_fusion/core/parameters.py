@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import check, limits_of
 
+from fbql_fusion.core.learners.dyna.parameters import FbqlModelParameters
 from fbql_fusion.core.learners.literal.parameters import LiteralParameters
 from fbql_fusion.core.learners.ppo.parameters import FbqlParameters
 from fbql_fusion.core.learners.value.parameters import FbqlValueParameters
 from fbql_fusion.core.tasks.soccer.subsumption import SubsumptionParameters
+from fbql_fusion.core.tasks.soccer.world_model.parameters import WorldModelParameters
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 GUIDE = "subsumption"
@@ -20,7 +22,14 @@ GUIDE = "subsumption"
 
 
 @dataclass(frozen=True)
-class FusionParameters(FbqlValueParameters, FbqlParameters, LiteralParameters, SubsumptionParameters):
+class FusionParameters(
+    WorldModelParameters,
+    FbqlModelParameters,
+    FbqlValueParameters,
+    FbqlParameters,
+    LiteralParameters,
+    SubsumptionParameters,
+):
     """The parameters of the session, of Subsumption and of every learner. Each is declared by the part that uses it,
     and `Limits.owners` names these parts. `docs/deviations.md` lists which of them the paper leaves open."""
 
@@ -83,11 +92,17 @@ def unused_parameters(parameters: FusionParameters, given: Collection[str], guid
             if own and own[0] != name:
                 yield f"{name} has no effect: the controller is {controller}, whose own is {own[0]}"
         elif controller not in owners and not (guided and GUIDE in owners):
-            belongs = f"{name} has no effect: it belongs to {' and '.join(owners)},"
+            belongs = f"{name} has no effect: it belongs to {_all_of(owners)},"
             if GUIDE in owners:
                 yield f"{belongs} the controller is {controller}, and no episode is guided"
             else:
                 yield f"{belongs} and the controller is {controller}{f' (whose own is {own[0]})' if own else ''}"
+
+
+def _all_of(names: Sequence[str]) -> str:
+    """The names in one phrase: a, b and c."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _stems(name: str, owners: Collection[str]) -> list[str]:

@@ -23,17 +23,20 @@ from fbql_fusion.core.controllers.guided import Guided
 from fbql_fusion.core.controllers.interface import Controller, Learner
 from fbql_fusion.core.controllers.parameters import CONTROLLERS, MUX_CONTROLLERS, SessionParameters
 from fbql_fusion.core.controllers.uniform import Uniform
+from fbql_fusion.core.learners.dyna.learner import FbqlModel
+from fbql_fusion.core.learners.dyna.parameters import FbqlModelParameters
 from fbql_fusion.core.learners.literal.learner import FbqlLiteral
 from fbql_fusion.core.learners.ppo.learner import Fbql
 from fbql_fusion.core.learners.value.learner import FbqlValue
 from fbql_fusion.core.parameters import FusionParameters
-from fbql_fusion.core.tasks.interface import Guide, Task
+from fbql_fusion.core.tasks.interface import Guide, Imagination, Task
 
 Factory = Callable[[Any, np.random.Generator], Any]
 """(parameters, generator) -> a controller. The generator is seeded from the run's seed; use no other."""
 _LEARNERS: dict[str, Callable[[Any, Task[Any, Any, Any], Guide, np.random.Generator], Learner]] = {
     "fbql": Fbql,
     "fbql_literal": lambda parameters, _task, _guide, generator: FbqlLiteral(parameters, generator),
+    "fbql_model": Fbql,  # where nothing can be imagined
     "fbql_value": FbqlValue,
 }
 _OURS = (*_LEARNERS, "subsumption", "priorities", "uniform")
@@ -93,10 +96,21 @@ def fusion_parameters(controller: str) -> type[FusionParameters]:
     return dataclasses.make_dataclass("FusionParameters", own, bases=(FusionParameters,), frozen=True)
 
 
-def make_controller(parameters: SessionParameters, task: Task[Any, Any, Any], guide: Guide) -> Controller:
-    """The controller that the parameters name, with its own random stream from the run's seed."""
+def make_controller(
+    parameters: SessionParameters,
+    task: Task[Any, Any, Any],
+    guide: Guide,
+    imagination: Imagination | None = None,
+) -> Controller:
+    """The controller that the parameters name, with its own random stream from the run's seed.
+
+    Args:
+        imagination: of the task, for fbql_model; without one fbql takes its place.
+    """
     name, n = parameters.controller, len(parameters.behaviors)
     generator = np.random.default_rng(np.random.SeedSequence(parameters.seed, spawn_key=(0,)))
+    if imagination is not None and isinstance(parameters, FbqlModelParameters):
+        return FbqlModel(parameters, task, guide, imagination, generator)
     if name in _LEARNERS:
         return _LEARNERS[name](parameters, task, guide, generator)
     if name in _OURS:

@@ -18,7 +18,7 @@ from fbql_recording.core.metrics import Digest
 
 from fbql_fusion.core.blending import blend
 from fbql_fusion.core.controllers.guided import Guided
-from fbql_fusion.core.controllers.interface import Controller, Drawing, JointState, Learner, Transition
+from fbql_fusion.core.controllers.interface import Controller, Drawing, JointState, Learner, Reflecting, Transition
 from fbql_fusion.core.controllers.parameters import SessionParameters, guided_episodes
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.tasks.interface import Answer, Answers, Episode, Guide, Moment, Task
@@ -94,6 +94,9 @@ class Session[M: Moment, C, R]:
         if policy is not None:
             self._load(policy)
         self.is_learning = self._learner is not None and parameters.learn
+        self._reflecting = controller if self.is_learning and isinstance(controller, Reflecting) else None
+        self._before_reflection: Policy | None = None
+        """The policy to return while the controller reflects: a continued run then reflects on the same."""
         self._free_phase = Phase.LEARNING if self.is_learning else Phase.EVALUATION
         self.guided = guided_episodes(parameters, self.is_learning, policy is not None)
         """Number of guided episodes, which come first."""
@@ -129,6 +132,8 @@ class Session[M: Moment, C, R]:
         """What has been learned so far; None if the controller can't learn, or no answer has arrived yet."""
         if self._learner is None:
             return None
+        if self._before_reflection is not None:
+            return self._before_reflection
         if self._given is not None:
             hashes, counts = self._given.tree_hashes, self._given.leaf_counts
         else:
@@ -146,13 +151,35 @@ class Session[M: Moment, C, R]:
         """
         if self._episode >= 0:
             raise ValueError(f"episode {self._episode} has not ended")
-        episodes, successes = self.parameters.episodes, self.parameters.success_limit
-        if (episodes and self._counted >= episodes) or (successes and self._successes >= successes):
+        if self.reflects_next:
+            self._reflect()
+        if self._is_over:
             return None
         self._index += 1
         self._seed = episode_seed(self.parameters.seed, self._index)
-        self.phase = Phase.GUIDED if self._index < self.guided else self._free_phase
+        self.phase = self._phase_of(self._index)
         return self._begin(degraded=False)
+
+    @property
+    def _is_over(self) -> bool:
+        episodes, successes = self.parameters.episodes, self.parameters.success_limit
+        return bool((episodes and self._counted >= episodes) or (successes and self._successes >= successes))
+
+    def _phase_of(self, episode: int) -> Phase:
+        return Phase.GUIDED if episode < self.guided else self._free_phase
+
+    @property
+    def reflects_next(self) -> bool:
+        """Whether `next_episode` is going to take long, because the controller learns before the episode begins."""
+        reflecting = self._reflecting
+        return reflecting is not None and reflecting.is_due(self._phase_of(self._index + 1))
+
+    def _reflect(self) -> None:
+        """Lets the controller learn. Until that is done, the policy is what it was before."""
+        assert self._reflecting is not None
+        self._before_reflection = self.policy()
+        self._reflecting.reflect()
+        self._before_reflection = None
 
     def skip_to_episode(self, episode: int) -> None:
         """Makes an episode the next to begin, whatever is played now: those before it are not known here."""
@@ -221,6 +248,7 @@ class Session[M: Moment, C, R]:
                 terminated,
                 truncated,
                 succeeded,
+                self._command,
             )
             self._learner.learn(made_of(Transition, values))
 
@@ -243,6 +271,7 @@ class Session[M: Moment, C, R]:
         self._joint_state = joint_state
         self._weights = weights
         self._driver = driver
+        self._command = command
         self._digest.add(task.digest_bytes(moment, command))
         decided = (
             moment.stamp_ns,

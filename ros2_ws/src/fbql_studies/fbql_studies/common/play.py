@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from fbql.match.in_process import play
+from fbql.match.trees import playing_trees
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import Phase, World
 from fbql_fusion.core.parameters import FusionParameters
@@ -71,7 +72,7 @@ def score_of(
     fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop, policy: Policy | None = None
 ) -> Score:
     """The score of a session played to its end; guided episodes don't count."""
-    session = SoccerSession(fusion, policy)
+    session = SoccerSession(fusion, policy, playing_trees(behavior.tree for behavior in behaviors))
     play(session, loop, behaviors, lambda: True)
     summary = session.summary()
     return Score(*(getattr(summary, name) for name in Score._fields))

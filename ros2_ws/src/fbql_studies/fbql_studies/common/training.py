@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from fbql.demonstrations.make_tree import make_tree
 from fbql.match.in_process import play
+from fbql.match.trees import playing_trees
 from fbql.statistics.tables import Row
 from fbql_behaviors.core.behavior import Behavior
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
@@ -115,7 +116,7 @@ def as_it_learns(learner: str) -> dict[str, Any]:
 
 def train(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Trained:
     """Plays a training to its end."""
-    session = SoccerSession(fusion)
+    session = SoccerSession(fusion, trees=playing_trees(behavior.tree for behavior in behaviors))
     visited: set[tuple[int, ...]] = set()
     curve: list[Result] = []
 
@@ -163,7 +164,7 @@ def size_of(policy: Policy) -> Result:
 
 def after_guidance(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Policy:
     """The policy after the guided episodes, before anything else is learned."""
-    session = SoccerSession(fusion)
+    session = SoccerSession(fusion, trees=playing_trees(behavior.tree for behavior in behaviors))
     play(session, loop, behaviors, lambda: len(session.records) < session.guided)
     session.next_episode()  # only now are the guided episodes learned from
     policy = session.policy()

@@ -14,6 +14,7 @@ from itertools import batched
 from pathlib import Path
 
 from fbql.match.in_process import play
+from fbql.match.trees import playing_trees
 from fbql.statistics.courses import courses
 from fbql.statistics.runs import Runs, method_row, runs_by_method
 from fbql.statistics.tables import Row, with_all_columns
@@ -176,7 +177,7 @@ def play_run(
     fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop, policy: Policy | None = None
 ) -> dict[str, object]:
     """One run of one method: its counts, and [outcome, steps, collisions begun, contact steps] of each episode."""
-    session = SoccerSession(fusion, policy)
+    session = SoccerSession(fusion, policy, playing_trees(behavior.tree for behavior in behaviors))
     play(session, loop, behaviors, lambda: True)
     counted = [record for record in session.records if record.phase is not Phase.GUIDED]
     result: dict[str, object] = {

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+from fbql_common.core.command_space import Command
 from fbql_common.core.types import Phase
 from numpy.typing import NDArray
 
@@ -49,6 +50,8 @@ class Transition(NamedTuple):
     """The time limit ended the episode in s'. The task continues from there, so the value of s' is given by its Q."""
     succeeded: bool = False
     """The episode ended in s' with a success."""
+    command: Command = ()
+    """The fused command in s."""
 
 
 class Controller(Protocol):
@@ -89,6 +92,19 @@ class Learner(Controller, Protocol):
 
     def load_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Restores what `to_arrays` returned. Raises BadInput for arrays that can't come from it."""
+        ...
+
+
+@runtime_checkable
+class Reflecting(Protocol):
+    """A learner that also learns between two episodes, from no transition in particular, which may take many seconds."""
+
+    def is_due(self, phase: Phase) -> bool:
+        """Whether there is something to reflect on before an episode of this phase, or after the last one."""
+        ...
+
+    def reflect(self) -> None:
+        """Learns. Called between two episodes when it is due, unless learning is off."""
         ...
 
 

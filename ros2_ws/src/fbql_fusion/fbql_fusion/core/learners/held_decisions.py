@@ -140,6 +140,8 @@ class HeldDecisions(ABC):
         """Ended episodes that have not been learned from yet."""
 
         self._phase = Phase.EVALUATION
+        self._explores = False
+        """Whether the decisions of this episode are drawn and held as while learning, else as `Holding.play`."""
         self._trajectory: Trajectory | None = None
         """The trajectory of the episode in progress; None if nothing is, or can be, learned from it."""
         self._linked = False
@@ -189,10 +191,9 @@ class HeldDecisions(ABC):
     def begin_episode(self, phase: Phase) -> None:
         """Begins a new episode. An unfinished one is not learned from."""
         self._phase = phase
-        if self._features is None and self._waiting and phase is not Phase.GUIDED:
-            guided = self._waiting[0].guided
-            if guided or len(self._waiting) >= FIRST_EPISODES or phase is Phase.EVALUATION:
-                self._make_features()
+        self._explores = phase is not Phase.EVALUATION
+        if self._can_make_features(phase):
+            self._make_features()
         learns = self._parameters.learn and phase is not Phase.EVALUATION
         self._trajectory = Trajectory(guided=phase is Phase.GUIDED) if learns else None
         self._linked = True
@@ -222,7 +223,7 @@ class HeldDecisions(ABC):
                 self._end(self._trajectory, situation)
             return self._weights, self._driver, self._q, self._learned
         self._decide(situation, answers)
-        steps = self._holding.play_steps if self._phase is Phase.EVALUATION else self._holding.steps
+        steps = self._holding.steps if self._explores else self._holding.play_steps
         self._held_for = steps - 1 if complete and not self._nobody else 0
         return self._weights, self._driver, self._q, self._learned
 
@@ -265,8 +266,8 @@ class HeldDecisions(ABC):
         joint_state = situation.joint_state
         visits = self._visits[joint_state] = self._visits.get(joint_state, 0) + 1
         patience = self._holding.patience
-        play = "drawn" if self._phase is not Phase.EVALUATION else self._holding.play
-        if 0 < patience < visits and self._phase is Phase.EVALUATION:
+        play = "drawn" if self._explores else self._holding.play
+        if 0 < patience < visits and not self._explores:
             # The weights for the draw become more equal with every repetition: no deadlock lasts.
             play, live = "drawn", [w ** (patience / visits) for w in live]
         self._nobody = not any(live)
@@ -328,6 +329,12 @@ class HeldDecisions(ABC):
         """Whether enough episodes are waiting. The first batches are small: early episodes are long and teach the
         most."""
         return len(self._waiting) >= min(self._holding.batch_episodes, _FIRST_BATCH + self._episodes / _BATCH_GROWTH)
+
+    def _can_make_features(self, phase: Phase) -> bool:
+        """Whether an episode of this phase is the first one for which there are to be features."""
+        if self._features is not None or not self._waiting or phase is Phase.GUIDED:
+            return False
+        return self._waiting[0].guided or len(self._waiting) >= FIRST_EPISODES or phase is Phase.EVALUATION
 
     def _make_features(self) -> None:
         """After the first episodes: makes scales and features from the values sensed in them, and learns from them."""

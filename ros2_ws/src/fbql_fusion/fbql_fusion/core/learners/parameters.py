@@ -1,4 +1,4 @@
-"""The parameters that `fbql` and `fbql_value` share: how they distinguish situations, and how time is counted."""
+"""The parameters that `fbql`, `fbql_model` and `fbql_value` share: how they distinguish situations, and how time is counted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PLAYS = ("held", "drawn", "blended")
 ROUNDED = ", rounded to whole steps, at least one"
 
 
-@owned_by("fbql", "fbql_value")
+@owned_by("fbql", "fbql_model", "fbql_value")
 @dataclass(frozen=True)
 class FeatureParameters(SessionParameters):
     """Parameters of the features, which `features` describes, and the unit of time of the discount."""
@@ -26,5 +26,5 @@ class FeatureParameters(SessionParameters):
     fbql_joint_tiles: int = parameter(4, "tiles along each component of such a tiling", low=1, high=64)
     fbql_mirror: bool = parameter(True, "whether situations that mirror each other (left and right) share their tiles")
     fbql_discount_period_s: float = parameter(
-        1.0 / 60.0, "time that gamma of fbql and of fbql_value is stated for", unit="s", low=1e-6, high=1e6
+        1.0 / 60.0, "time that gamma of fbql, fbql_model and fbql_value is stated for", unit="s", low=1e-6, high=1e6
     )

@@ -5,10 +5,12 @@ Soccer is one task (`core.tasks.soccer`); a task of your own implements `Task`, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
 from fbql_common.core.command_space import Command, CommandSpace
+from numpy.typing import NDArray
 
 
 class Moment(Protocol):
@@ -159,6 +161,82 @@ class Task[M: Moment, C, R](Protocol):
 
     def record(self, episode: Episode, moment: M, /) -> R:
         """The record of an episode that ended in a moment."""
+        ...
+
+
+class Imagined(NamedTuple):
+    """E episodes that were imagined, with N decisions in all, one after another."""
+
+    lengths: NDArray[np.int64]
+    """Decisions of each episode, [E]."""
+    terminated: NDArray[np.bool_]
+    """Whether it ended so that nothing follows; False at a time limit. [E]"""
+    rows: NDArray[np.int64]
+    """Features of each episode's decisions and then of the situation that it ended in, with those of the critic,
+    [N + E, F + F']."""
+    drivers: NDArray[np.int64]
+    """The behavior that drove after each decision, [N]."""
+    old_probs: NDArray[np.float64]
+    """The weight by which it was drawn, [N]."""
+    rewards: NDArray[np.float64]
+    """R of each decision, [N]."""
+    discounts: NDArray[np.float64]
+    """gamma^k of each decision, [N]."""
+
+
+class Imagination(Protocol):
+    """A model of a task, fitted to the real steps so far, in which episodes can be played.
+
+    A real episode is told by `begin`, then `add` for every step; one of which a step is missing is forgotten.
+    """
+
+    @property
+    def tree_hashes(self) -> tuple[str, ...]:
+        """SHA-256 of the trees of the behaviors that play in it, length n."""
+        ...
+
+    def begin(self, moment: Any, /) -> None:
+        """The first moment of a real episode."""
+        ...
+
+    def add(self, command: Command, moment: Any, /) -> None:
+        """The command that was given, and the moment to which it led."""
+        ...
+
+    def forget_episode(self) -> None:
+        """Drops the episode that has not ended, if there is one."""
+        ...
+
+    def fit(self, features: Any, generator: np.random.Generator, /) -> bool:
+        """Fits the model to the real episodes that have ended. False if they are too few: nothing can be imagined.
+
+        Args:
+            features: `learners.features.Features`, by which imagined situations are distinguished.
+        """
+        ...
+
+    def play(
+        self,
+        theta: NDArray[np.float64],
+        episodes: int,
+        hold_steps: int,
+        discount: float,
+        generator: np.random.Generator,
+        /,
+    ) -> Imagined:
+        """Plays episodes in the model as it was fitted last; drivers are drawn by eq. 10.
+
+        Args:
+            theta: the table of eq. 10, [features, n].
+        """
+        ...
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """The real steps that are kept, of episodes that have ended."""
+        ...
+
+    def load_arrays(self, arrays: Mapping[str, NDArray[Any]], /) -> None:
+        """Restores what `to_arrays` returned. Raises BadInput for arrays that can't come from it."""
         ...
 
 

@@ -34,9 +34,9 @@ from fbql_fusion.core.learners.ppo.equations import (
     softmax,
     weights_of,
 )
-from fbql_fusion.core.learners.ppo.parameters import PpoParameters
+from fbql_fusion.core.learners.ppo.parameters import PpoParameters, PpoUpdateParameters
 from fbql_fusion.core.learners.trajectories import Trajectory
-from fbql_fusion.core.tasks.interface import Guide, Task
+from fbql_fusion.core.tasks.interface import Guide, Imagined, Task
 
 
 def batch_of(trajectories: Sequence[Trajectory], value: Floats, trace: float, active_features: int) -> Batch:
@@ -66,26 +66,76 @@ def batch_of(trajectories: Sequence[Trajectory], value: Floats, trace: float, ac
     )
 
 
-class Fbql(HeldDecisions):
-    """PPO (see the module)."""
+def holding_of(
+    parameters: PpoUpdateParameters,
+    durations_s: tuple[float, float],
+    batch_episodes: int,
+    task: Task[Any, Any, Any],
+    has_prior: bool = False,
+) -> Holding:
+    """How decisions are made. `durations_s`: how long one is held while learning, and when not [s]."""
+    return Holding.of(
+        task,
+        durations_s,
+        parameters.fbql_play,
+        parameters.fbql_patience,
+        per_step(parameters.fbql_discount, parameters.fbql_discount_period_s, task),
+        batch_episodes,
+        parameters.fbql_world_tilings,
+        has_prior,
+    )
 
-    kind = "fbql"
+
+def batch_of_imagined(imagined: Imagined, value: Floats, trace: float, active_features: int, behaviors: int) -> Batch:
+    """The same of episodes that were imagined, in which every behavior may drive. `behaviors` is n."""
+    values = value_sums(value, imagined.rows)
+    ends = np.cumsum(imagined.lengths + 1) - 1
+    """The rows of the situations in which the episodes ended."""
+    own = np.delete(values, ends)
+    values[ends[imagined.terminated]] = 0.0
+    advantage = np.empty(len(own))
+    first = 0
+    for length, end in zip(imagined.lengths.tolist(), ends.tolist(), strict=True):
+        decisions = slice(first, first + length)
+        advantage[decisions] = advantages(
+            imagined.rewards[decisions], imagined.discounts[decisions], values[end - length : end + 1], trace
+        )
+        first += length
+    every = np.delete(imagined.rows, ends, axis=0)
+    return Batch(
+        np.ascontiguousarray(every[:, :active_features]),
+        every,
+        imagined.drivers,
+        np.ones((len(every), behaviors), dtype=np.bool_),
+        imagined.old_probs,
+        advantage,
+        advantage + own,
+    )
+
+
+class Ppo(HeldDecisions):
+    """PPO (see the module). What it learns from, and when, is up to the learner: `Fbql`, or `dyna.learner.FbqlModel`.
+
+    Args:
+        holding: how decisions are made.
+        passes: passes over a batch.
+        prior: kappa, the preference that an untrained policy has for the behavior that the guide would choose.
+    """
 
     def __init__(
-        self, parameters: PpoParameters, task: Task[Any, Any, Any], guide: Guide, generator: np.random.Generator
+        self,
+        parameters: PpoUpdateParameters,
+        holding: Holding,
+        passes: int,
+        prior: float,
+        task: Task[Any, Any, Any],
+        guide: Guide,
+        generator: np.random.Generator,
     ) -> None:
-        holding = Holding.of(
-            task,
-            parameters.fbql_durations_s,
-            parameters.fbql_play,
-            parameters.fbql_patience,
-            per_step(parameters.fbql_discount, parameters.fbql_discount_period_s, task),
-            parameters.fbql_batch_episodes,
-            parameters.fbql_world_tilings,
-            parameters.fbql_prior > 0.0,
-        )
         super().__init__(parameters, holding, task, guide, generator)
         self._ppo = parameters
+        self._passes = passes
+        self._prior = prior
         self._theta = np.zeros((CAPACITY, self._behaviors))
         self._value = np.zeros(CAPACITY)
         self._rates = Rates(parameters.fbql_rate, parameters.fbql_value_rate, parameters.fbql_clip)
@@ -94,13 +144,13 @@ class Fbql(HeldDecisions):
         """Eq. 10."""
         preferences = row_sum(self._theta, active)
         if self._features is None and situation.guide is not None and situation.guide >= 0:
-            preferences[situation.guide] += self._ppo.fbql_prior
+            preferences[situation.guide] += self._prior
         return softmax(preferences, situation.mask), ()
 
     def _set_prior(self, features: Features) -> None:
         """The preference for the behavior that the guide would choose starts at kappa."""
         for behavior in range(self._behaviors):
-            self._theta[features.of_guide(behavior), behavior] = self._ppo.fbql_prior
+            self._theta[features.of_guide(behavior), behavior] = self._prior
 
     def _learn_waiting(self) -> None:
         if self._waiting[-1].guided:
@@ -134,14 +184,22 @@ class Fbql(HeldDecisions):
             cloning_pass(self._theta, self._value, shuffled, p.fbql_minibatch, example[order], self._rates)
 
     def _update(self) -> None:
-        """PPO's update, eqs. 12 to 15, on the waiting episodes."""
-        p = self._ppo
+        """PPO's update on the waiting episodes."""
         batch = self._batch(self._waiting)
         self._waiting = []
+        self._improve(batch, self._generator)
+
+    def _improve(self, batch: Batch, generator: np.random.Generator) -> None:
+        """PPO's update, eqs. 12 to 15, on a batch of episodes played by the present weights.
+
+        Args:
+            generator: draws the order of the decisions.
+        """
+        p = self._ppo
         batch = batch._replace(advantages=normalised_advantages(batch.advantages))
-        for _ in range(p.fbql_passes):
+        for _ in range(self._passes):
             kl = approx_kl(weights_of(self._theta, batch.active, batch.masks), batch.drivers, batch.old_probs)
-            shuffled = batch.in_order(self._generator.permutation(len(batch.drivers)))
+            shuffled = batch.in_order(generator.permutation(len(batch.drivers)))
             policy_pass(self._theta, self._value, shuffled, p.fbql_minibatch, kl <= p.fbql_divergence, self._rates)
         self._updates += 1
 
@@ -156,6 +214,20 @@ class Fbql(HeldDecisions):
 
     def _set_tables(self, tables: Mapping[str, Floats]) -> None:
         self._theta, self._value = tables["theta"], tables["value"]
+
+
+class Fbql(Ppo):
+    """PPO on the episodes that it plays."""
+
+    kind = "fbql"
+
+    def __init__(
+        self, parameters: PpoParameters, task: Task[Any, Any, Any], guide: Guide, generator: np.random.Generator
+    ) -> None:
+        holding = holding_of(
+            parameters, parameters.fbql_durations_s, parameters.fbql_batch_episodes, task, parameters.fbql_prior > 0.0
+        )
+        super().__init__(parameters, holding, parameters.fbql_passes, parameters.fbql_prior, task, guide, generator)
 
     def _can_be_counts(self) -> bool:
         return 0 <= self._updates <= self._episodes

@@ -1,4 +1,4 @@
-"""The parameters of `controller` fbql: how long a decision is held, what the critic sees, and those of PPO."""
+"""The parameters of PPO, which fbql and fbql_model share, and those of `controller` fbql: how long a decision is held, the prior."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from fbql_common.core.parameters import owned_by, parameter
 from fbql_fusion.core.learners.parameters import PLAYS, ROUNDED, FeatureParameters
 
 
-@owned_by("fbql")
+@owned_by("fbql", "fbql_model")
 @dataclass(frozen=True)
-class PpoParameters(FeatureParameters):
-    """The parameters of eqs. 10 to 15 in `docs/fusion.md`, in any task."""
+class PpoUpdateParameters(FeatureParameters):
+    """What fbql and fbql_model share of the parameters of eqs. 10 to 15 in `docs/fusion.md`, in any task."""
 
     fbql_play: str = parameter(
         "held",
@@ -26,13 +26,6 @@ class PpoParameters(FeatureParameters):
         "that become more equal with each repetition; 0: never",
         low=0,
         high=1_000_000,
-    )
-    fbql_prior: float = parameter(
-        0.0,
-        "kappa: the preference that an untrained fbql has for the behavior that the guide would choose; 0: the guide is no "
-        "feature. A policy keeps what it was made with",
-        low=0.0,
-        high=100.0,
     )
     fbql_world_tilings: int = parameter(
         4,
@@ -52,10 +45,6 @@ class PpoParameters(FeatureParameters):
     fbql_clip: float = parameter(
         0.4, "PPO's clip range: relative change of a weight beyond which eq. 14 stops changing it", low=0.0
     )
-    fbql_batch_episodes: int = parameter(
-        20, "episodes in a batch; the first batches are smaller, from 3 up", low=1, high=1000
-    )
-    fbql_passes: int = parameter(8, "passes over a batch", low=1, high=100)
     fbql_guide_passes: int = parameter(4, "passes over the guided episodes", low=0, high=1000)
     fbql_imitate_failures: bool = parameter(
         False, "whether guided episodes that did not end in a goal are imitated as well"
@@ -64,6 +53,24 @@ class PpoParameters(FeatureParameters):
     fbql_divergence: float = parameter(
         0.05, "approximate KL divergence of a batch's weights beyond which the passes stop changing them", low=0.0
     )
+
+
+@owned_by("fbql")
+@dataclass(frozen=True)
+class PpoParameters(PpoUpdateParameters):
+    """What is fbql's alone, in any task."""
+
+    fbql_prior: float = parameter(
+        0.0,
+        "kappa: the preference that an untrained fbql has for the behavior that the guide would choose; 0: the guide is no "
+        "feature. A policy keeps what it was made with",
+        low=0.0,
+        high=100.0,
+    )
+    fbql_batch_episodes: int = parameter(
+        20, "episodes in a batch; the first batches are smaller, from 3 up", low=1, high=1000
+    )
+    fbql_passes: int = parameter(8, "passes over a batch", low=1, high=100)
 
     @property
     def fbql_durations_s(self) -> tuple[float, float]:

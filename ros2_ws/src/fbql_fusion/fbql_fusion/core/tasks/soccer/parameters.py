@@ -18,7 +18,10 @@ class SoccerParameters(SessionParameters):
     reward_goal: float = parameter(10.0, "reward of a goal", low=-1e9, high=1e9)
     reward_own_goal: float = parameter(-10.0, "reward of an own goal", low=-1e9, high=1e9)
     reward_collision: float = parameter(
-        -5.0, "reward of a collision, once when it begins; fbql and fbql_value have their own", low=-1e9, high=1e9
+        -5.0,
+        "reward of a collision, once when it begins; fbql, fbql_model and fbql_value have their own",
+        low=-1e9,
+        high=1e9,
     )
 
     @property

@@ -1,0 +1,1 @@
+"""`fbql_model`: the method of `fbql` in imagined episodes (Dyna)."""
