@@ -71,6 +71,8 @@ def build_environment(target: Target, environ: Mapping[str, str]) -> dict[str, s
     for name in [name for name in result if name.startswith("COLCON_")]:
         del result[name]  # such as COLCON_DEFAULTS_FILE, which may choose another layout of the install space
     result["COLCON_HOME"] = str(target.state / "colcon")  # the user's colcon defaults are for other work
+    # colcon's own choice has a limit of the load: where other programs keep the machine busy, make would wait for them.
+    result.setdefault("MAKEFLAGS", f"-j{len(os.sched_getaffinity(0))}")
     return result
 
 

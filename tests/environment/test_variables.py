@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,12 @@ def test_no_variable_of_colcon_reaches_the_build(made: Target) -> None:
     }
     environ = build_environment(made, given)
     assert [name for name in environ if name.startswith("COLCON_")] == ["COLCON_HOME"]
+
+
+def test_a_build_does_not_wait_for_other_programs_unless_the_user_says_so(made: Target) -> None:
+    """make -l N starts nothing more while the load is above N."""
+    assert re.fullmatch(r"-j[1-9]\d*", build_environment(made, {"HOME": "/h"})["MAKEFLAGS"])
+    assert build_environment(made, {"HOME": "/h", "MAKEFLAGS": "-j1 -l2"})["MAKEFLAGS"] == "-j1 -l2"
 
 
 def test_the_users_choices_stay_and_discovery_is_local_by_default(made: Target) -> None:
