@@ -99,6 +99,12 @@ def test_world_far_ahead_of_the_episode_is_foreign():
     assert assembly.add_world(world_of(3 + MAX_GAP_STEPS), b"") is Arrival.NEW
 
 
+def test_a_step_far_ahead_at_a_time_that_is_not_is_foreign():
+    assembly = assembly_at(3)
+    assert assembly.add_world(world_of(10**6, stamp_ns=world_of(4).stamp_ns), b"") is Arrival.FOREIGN
+    assert assembly.add_world(world_of(4), b"") is Arrival.NEW
+
+
 def test_world_states_that_come_one_by_one_never_get_too_far_ahead_of_a_step_that_waits():
     assembly = assembly_at(3)
     for step in range(4, 3 + 3 * MAX_GAP_STEPS):

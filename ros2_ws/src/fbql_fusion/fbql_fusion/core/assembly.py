@@ -16,6 +16,8 @@ _MAX_STEPS = 16
 MAX_GAP_S = 10.0
 """How far a world state may be ahead of the newest one before it [s]: one farther ahead does not belong to this episode."""
 _MAX_GAP_NS = round(MAX_GAP_S * 1e9)
+_LEAST_STEP_NS = 500_000
+"""Steps that follow each other faster belong to no simulator, whose steps take 1 ms or more."""
 
 
 class Arrival(Enum):
@@ -81,6 +83,8 @@ class StepAssembly:
         elif world.stamp_ns <= decided.stamp_ns or world.step <= decided.step:
             return Arrival.DECIDED if world == decided else Arrival.FOREIGN
         elif world.stamp_ns - self._newest_ns > _MAX_GAP_NS:
+            return Arrival.FOREIGN
+        elif (world.step - decided.step) * _LEAST_STEP_NS > world.stamp_ns - decided.stamp_ns:
             return Arrival.FOREIGN
         step = self._step(world.stamp_ns)
         if step.world is not None:
