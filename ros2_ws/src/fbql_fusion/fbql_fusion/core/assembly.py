@@ -82,9 +82,10 @@ class StepAssembly:
                 return Arrival.FOREIGN
         elif world.stamp_ns <= decided.stamp_ns or world.step <= decided.step:
             return Arrival.DECIDED if world == decided else Arrival.FOREIGN
-        elif world.stamp_ns - self._newest_ns > _MAX_GAP_NS:
-            return Arrival.FOREIGN
-        elif (world.step - decided.step) * _LEAST_STEP_NS > world.stamp_ns - decided.stamp_ns:
+        elif (
+            world.stamp_ns - self._newest_ns > _MAX_GAP_NS
+            or (world.step - decided.step) * _LEAST_STEP_NS > world.stamp_ns - decided.stamp_ns
+        ):
             return Arrival.FOREIGN
         step = self._step(world.stamp_ns)
         if step.world is not None:
