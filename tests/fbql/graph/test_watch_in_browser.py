@@ -123,7 +123,7 @@ def test_a_page_that_is_opened_late_or_again_has_all_of_it(start: Start, browser
     shown(browser, r"step \d\d", "#when")
     browser.key(" ")
     shown(browser, "paused", "#live")
-    before = text(browser, "#scrub-words")
+    before = settled(browser, "#scrub-words")
     opened(browser, run)
     shown(browser, re.escape(before), "#scrub-words")
     assert browser.evaluate("document.documentElement.scrollWidth <= innerWidth")

@@ -13,9 +13,9 @@ from fbql.watch import feed as feed_module
 from fbql.watch.feed import Feed
 from fbql.watch.pace import Pace
 from fbql_behaviors.storage import load_tree
-from fbql_common.core.topic_names import WORLD
+from fbql_common.core.topic_names import WORLD, behavior_topic
 from fbql_common.core.types import World
-from fbql_common.wire import decode_world, encode_world
+from fbql_common.wire import decode_output, decode_world, encode_output, encode_world
 from fbql_recording.core.packing import Packing, unpack
 from fbql_recording.run import Run, open_run
 from recorded_match import TREES, record_match
@@ -113,12 +113,18 @@ def test_without_a_page_nothing_waits_to_be_told(run: Run) -> None:
     assert sum(rows for rows, *_ in json.loads(feed.all(None))["blocks"]) == len(run.arrays()["step"])
 
 
-def test_a_world_that_nobody_answered_is_no_episode(run: Run) -> None:
-    """The simulator publishes the first world before anybody listens, and begins anew when they do."""
+def test_the_world_before_the_first_episode_is_no_episode(run: Run) -> None:
+    """The simulator shows its world before a match begins, as episode -1, and behaviors answer."""
     first = next(message for message in run.messages() if message.topic == "/world")
     world: World = decode_world(first.data)
     feed = feed_of(run)
-    feed.hear(WORLD, encode_world(world._replace(stamp_ns=world.stamp_ns - 1000)))
+    early = world._replace(stamp_ns=world.stamp_ns - 1000, episode=-1)
+    feed.hear(WORLD, encode_world(early))
+    for name in run.behaviors:  # behaviors answer whatever they hear
+        answer = next(each.data for each in run.messages([f"/{behavior_topic(name)}"]))
+        feed.hear(
+            behavior_topic(name), encode_output(decode_output(answer)._replace(stamp_ns=early.stamp_ns, episode=-1))
+        )
     told = list(told_while(run, feed, 1000))
     assert sum(rows for each in told for rows, *_ in each.get("blocks", ())) == len(run.arrays()["step"])
     assert len(feed.contents.episodes) == 3
@@ -129,6 +135,14 @@ def test_a_replay_that_begins_again_is_told_again(run: Run) -> None:
     told = [*told_while(run, feed, 50), *told_while(run, feed, 50)]
     steps = run.arrays()["step"].tolist()
     assert columns_of(told)["step"].tolist() == [*steps, *steps]
+
+
+def test_worlds_alone_are_told(run: Run) -> None:
+    feed = feed_of(run)
+    for message in run.messages(["/world"]):
+        feed.hear(message.topic, message.data)
+    feed.settle()
+    assert sum(rows for rows, *_ in json.loads(feed.news(None))["blocks"]) == len(run.arrays()["step"])
 
 
 def test_foreign_messages_change_nothing(run: Run) -> None:

@@ -143,8 +143,8 @@ class Feed:
         return episode.first_step + episode.recorded_steps
 
     def _take_data(self, step: StepData) -> None:
-        if not any(step.data[1:]):
-            return  # nobody has answered, and another world state has come in its place
+        if step.episode < 0:
+            return  # the simulator's world before the first episode
         world, *outputs, command = step.data[: self._outputs + 2]
         decision = step.data[self._outputs + 2] if len(step.data) > self._outputs + 2 else b""
         self.take(
