@@ -214,7 +214,7 @@ def test_help_tells_every_option_and_each_default_that_is_a_value(
         (["--realtime", "nan"], "--realtime"),
         (["--guided", "-1"], "--guided is -1; it must be 0 or more"),
         (["--episode", "3"], "--episode"),
-        (["--trees", "missing"], "missing/ball_seeking.json: no such file"),
+        (["--trees", "missing"], "--trees missing: none of ball_seeking.json"),
         (["--policy", "missing", *LITERAL], "--policy missing"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",

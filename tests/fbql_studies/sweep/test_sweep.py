@@ -115,7 +115,7 @@ def test_it_is_extended_with_more_seeds(capsys: pytest.CaptureFixture[str], tmp_
 
 
 def test_an_option_without_effect_is_reported_once(capsys: pytest.CaptureFixture[str]) -> None:
-    tasks_of(study, "--seeds", "3", "--controller", "subsumption", "--set", "fbql_hold_steps=1,5")
+    tasks_of(study, "--seeds", "3", "--controller", "subsumption", "--set", "fbql_hold_s=0.02,0.1")
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 1
-    assert "fbql_hold_steps" in said[0]
+    assert "fbql_hold_s" in said[0]

@@ -18,7 +18,7 @@ def parser(program: str) -> Parser:
         prog=program,
         description="Plays every combination of the values given for --controller and --set, each with the same seeds, as "
         "train does. The table has the 95 % intervals, and each combination against the first one.",
-        epilog=f"for example: {program} --seeds 10 --controller fbql --set fbql_hold_steps=1,5,15 --episodes 100",
+        epilog=f"for example: {program} --seeds 10 --controller fbql --set fbql_hold_s=0.02,0.1,0.25 --episodes 100",
     )
     study.add_options(result)
     add_runner_options(result, "runs/TIME-sweep", "fewer seeds")

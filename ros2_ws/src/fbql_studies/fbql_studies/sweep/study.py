@@ -58,7 +58,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE,...",
-        help="a parameter of fusion or simulation (docs/parameters.md) and its values, such as fbql_hold_steps=1,5,15; may be "
+        help="a parameter of fusion or simulation (docs/parameters.md) and its values, such as fbql_hold_s=0.02,0.1,0.25; may be "
         "repeated: another parameter gives all combinations, the same one more values",
     )
     add_play_options(parser.add_argument_group("what is played"))
