@@ -12,6 +12,7 @@ NAMES_OF_DIRECTORIES = {"fbql/cli/places.py", "fbql/match/options.py", "fbql_fus
 STAMPS = {
     "fbql_behaviors/teleop_node.py",
     "fbql_common/watch.py",
+    "fbql_fusion/mux_learning.py",
     "fbql_fusion/status.py",
     "fbql_behaviors/twist_behavior_node.py",
     "fbql_fusion/twist_mux_node.py",

@@ -84,7 +84,8 @@ class MuxLearning:
         sim = node.get_clock().ros_time_is_active
         if session.is_learning and not sim:
             leave_interpreted()  # a joystick would not be heard meanwhile
-        self._tick_timer = node.create_timer(period_s, self._tick) if sim else steady_timer(node, period_s, self._tick)
+        timer = partial(node.create_timer, clock=node.get_clock()) if sim else partial(steady_timer, node)
+        self._tick_timer = timer(period_s, self._tick)
         self._look_timer = steady_timer(node, _LOOK_PERIOD_S, self._look)
         self._flush_timer = None if self.run is None else steady_timer(node, _FLUSH_PERIOD_S, self.run.flush)
         self._warned_ns = -_WARN_PERIOD_NS
