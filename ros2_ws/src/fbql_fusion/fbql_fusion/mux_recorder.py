@@ -18,12 +18,11 @@ from fbql_common.qos import COMMAND_QOS, STEP_QOS
 from fbql_recording.recorder import Attachment, Recorder
 from fbql_recording.run_directory import RunDirectory, custom_data, own_revision, software_versions
 
-from fbql_fusion.core.mux.learning import MuxDescription
+from fbql_fusion.core.mux.learning import NODE, MuxDescription
 from fbql_fusion.core.mux_session import MuxSession
 from fbql_fusion.policy_storage import learned_bytes
 from fbql_fusion.run_recorder import DONE, INCOMPLETE, channel_of, directory_of_run
 
-NODE = "twist_mux"
 _DECISION, _COMMAND = 0, 1
 
 

@@ -11,10 +11,9 @@ from collections.abc import Callable
 from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
 from fbql_common.core.mux_types import MuxDecision
-from fbql_fusion.core.mux.learning import description_of, session_of
+from fbql_fusion.core.mux.learning import NODE, description_of, session_of
 from fbql_fusion.core.mux.snapshot import snapshot_of
 from fbql_fusion.core.tasks.twist.answers import SourceLeaves
-from fbql_fusion.mux_recorder import NODE
 from fbql_recording.core.decoding import MUX_DECISION, MessageCodec
 from fbql_recording.mcap.reader import Corrupt
 from fbql_recording.run import Run

@@ -25,6 +25,8 @@ from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.tasks.twist.parameters import MuxLearningParameters
 from fbql_fusion.core.tasks.twist.task import MuxTask
 
+NODE = "twist_mux"
+"""The name of the node, under which its parameters are recorded."""
 GROUPS: dict[str, type[Any]] = {
     "topics": SourceParameters,
     "locks": LockParameters,
