@@ -66,7 +66,7 @@ def run_on(disk: Path, free: tuple[int, int], before: dict[str, str], command: s
 
 def text_of(path: Path) -> str:
     """The start of a file's text; of a directory nothing."""
-    return "" if path.is_dir() else path.read_bytes()[:2000].decode(errors="replace")
+    return "" if path.is_dir() else path.read_bytes()[:100_000].decode(errors="replace")
 
 
 def run(command: str, words: list[str]) -> tuple[int, str]:
