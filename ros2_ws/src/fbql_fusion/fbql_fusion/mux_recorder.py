@@ -10,7 +10,7 @@ from time import monotonic
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.mux_types import MuxDecision
-from fbql_common.core.recording_names import CONFIG, EPISODES, POLICY, POLICY_BEFORE
+from fbql_common.core.recording_names import CONFIG, POLICY_BEFORE
 from fbql_common.core.topic_names import DECISION, MUX_OUTPUT
 from fbql_common.core.twist import StampedTwist, Twist
 from fbql_common.files import removed_on_failure
@@ -20,13 +20,12 @@ from fbql_recording.run_directory import RunDirectory, custom_data, own_revision
 
 from fbql_fusion.core.mux.learning import NODE, MuxDescription
 from fbql_fusion.core.mux_session import MuxSession
-from fbql_fusion.policy_storage import learned_bytes
-from fbql_fusion.run_recorder import DONE, INCOMPLETE, channel_of, directory_of_run
+from fbql_fusion.run_recorder import SessionRecorder, channel_of, directory_of_run
 
 _DECISION, _COMMAND = 0, 1
 
 
-class MuxRecorder:
+class MuxRecorder(SessionRecorder):
     """Writes the results of a session, and records it if that is asked for. No failure here ever affects control.
 
     Args:
@@ -40,8 +39,8 @@ class MuxRecorder:
     def __init__(
         self, mux: MuxDescription, session: MuxSession, resolve: Callable[[str], str], report: Callable[[str], None]
     ) -> None:
-        self._session = session
-        self._closed = False
+        super().__init__()
+        self._session: MuxSession = session
         self._begun_s = monotonic()
         self._episodes = 0
         parameters = session.parameters
@@ -56,7 +55,7 @@ class MuxRecorder:
             "parameters": {NODE: mux.values()},
         }
         self._directory = RunDirectory(self.path, config, [], report)
-        self._recorder: Recorder | None = None
+        self._recorder = None
         if not mux.learned.record:
             return
         try:
@@ -87,35 +86,3 @@ class MuxRecorder:
         """Records a command that was published."""
         if self._recorder is not None:
             self._recorder.write(_COMMAND, data, stamp_ns)
-
-    def flush(self) -> None:
-        """Passes the recording so far to the operating system."""
-        if self._recorder is not None:
-            self._recorder.flush()
-
-    def close(self) -> None:
-        """Finishes policy, recording and summary, in this order. Further calls do nothing."""
-        if self._closed:
-            return
-        self._closed = True
-        attachments: list[Attachment] = []
-        learned = self._directory.write_policy(lambda: learned_bytes(self._session))
-        if learned is not None and not self._directory.failed:
-            attachments.append(Attachment(POLICY, "application/octet-stream", learned))
-        messages = 0
-        if self._recorder is not None:
-            if not self._directory.failed:
-                attachments.append(Attachment(EPISODES, "text/csv", (self.path / EPISODES).read_bytes()))
-            self._recorder.close(attachments)
-            messages = self._recorder.messages
-        self._directory.write_summary(self._session.summary(monotonic() - self._begun_s, messages, self.incomplete))
-        self._directory.close()
-
-    @property
-    def incomplete(self) -> bool:
-        """Whether something that should have been stored was not."""
-        return self._directory.failed or (self._recorder is not None and self._recorder.failed)
-
-    def exit_code(self) -> int:
-        """0, or 3 when the recording is incomplete."""
-        return INCOMPLETE if self.incomplete else DONE

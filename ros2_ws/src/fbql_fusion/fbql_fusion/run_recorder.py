@@ -8,7 +8,7 @@ from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ament_index_python.packages import get_package_share_directory
 from fbql_common.core.errors import BadInput
@@ -47,12 +47,63 @@ from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_fusion.node_parameters import FusionNodeParameters
 from fbql_fusion.policy_storage import learned_bytes, save_policy
 
+if TYPE_CHECKING:  # which the fusion node need not load
+    from fbql_fusion.core.mux_session import MuxSession
+
 DONE, INCOMPLETE = 0, 3
 _JSON, _YAML, _NPZ = "application/json", "application/yaml", "application/octet-stream"
 _CSV, _PYTHON = "text/csv", "text/x-python"
 
 
-class RunRecorder:
+class SessionRecorder:
+    """What a node writes of a session's run, whatever the task: the run directory, and the recording if that is asked for.
+    No failure here ever affects control."""
+
+    _session: SoccerSession | MuxSession
+    _directory: RunDirectory
+    _recorder: Recorder | None
+    path: Path
+    """The run directory."""
+
+    def __init__(self) -> None:
+        self._closed = False
+        self._begun_s: float | None = None
+
+    def flush(self) -> None:
+        """Passes the recording so far to the operating system."""
+        if self._recorder is not None:
+            self._recorder.flush()
+
+    def close(self) -> None:
+        """Finishes policy, recording and summary, in this order. Further calls do nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        wall_s = None if self._begun_s is None else monotonic() - self._begun_s
+        attachments: list[Attachment] = []
+        learned = self._directory.write_policy(lambda: learned_bytes(self._session))
+        if learned is not None and not self._directory.failed:
+            attachments.append(Attachment(POLICY, _NPZ, learned))
+        messages = 0
+        if self._recorder is not None:
+            if not self._directory.failed:
+                attachments.append(Attachment(EPISODES, _CSV, (self.path / EPISODES).read_bytes()))
+            self._recorder.close(attachments)
+            messages = self._recorder.messages
+        self._directory.write_summary(self._session.summary(wall_s, messages, self.incomplete))
+        self._directory.close()
+
+    @property
+    def incomplete(self) -> bool:
+        """Whether something that should have been stored was not."""
+        return self._directory.failed or (self._recorder is not None and self._recorder.failed)
+
+    def exit_code(self) -> int:
+        """0, or 3 when the recording is incomplete."""
+        return INCOMPLETE if self.incomplete else DONE
+
+
+class RunRecorder(SessionRecorder):
     """Records every step of a session and writes its results. No failure here ever affects control.
 
     Args:
@@ -70,9 +121,8 @@ class RunRecorder:
         resolve: Callable[[str], str],
         report: Callable[[str], None],
     ) -> None:
-        self._session = session
-        self._closed = False
-        self._begun_s: float | None = None
+        super().__init__()
+        self._session: SoccerSession = session
         fusion = session.parameters
         self.path, is_new = directory_of_run(parameters.run_directory, fusion.controller, fusion.seed)
         with removed_on_failure(self.path) if is_new else nullcontext():
@@ -85,7 +135,7 @@ class RunRecorder:
         tree_files = [Path(file) for file in parameters.tree_files]
         config = _config(parameters, session, parameters.config_file)
         self._directory = RunDirectory(self.path, config, tree_files, report)
-        self._recorder: Recorder | None = None
+        self._recorder = None
         if not parameters.record:
             return
         try:
@@ -126,11 +176,6 @@ class RunRecorder:
         if self._recorder is not None:
             self._recorder.note(RESTART_RECORD, {})
 
-    def flush(self) -> None:
-        """Passes the recording so far to the operating system."""
-        if self._recorder is not None:
-            self._recorder.flush()
-
     def save_policy(self, path: Path | None) -> str:
         """Saves what has been learned so far; returns the path.
 
@@ -144,34 +189,6 @@ class RunRecorder:
         target = path or self.path / "policy.npz"
         save_policy(target, policy)
         return str(target)
-
-    def close(self) -> None:
-        """Finishes policy, recording and summary, in this order. Further calls do nothing."""
-        if self._closed:
-            return
-        self._closed = True
-        wall_s = None if self._begun_s is None else monotonic() - self._begun_s
-        attachments: list[Attachment] = []
-        learned = self._directory.write_policy(lambda: learned_bytes(self._session))
-        if learned is not None and not self._directory.failed:
-            attachments.append(Attachment(POLICY, _NPZ, learned))
-        messages = 0
-        if self._recorder is not None:
-            if not self._directory.failed:
-                attachments.append(Attachment(EPISODES, _CSV, (self.path / "episodes.csv").read_bytes()))
-            self._recorder.close(attachments)
-            messages = self._recorder.messages
-        self._directory.write_summary(self._session.summary(wall_s, messages, self.incomplete))
-        self._directory.close()
-
-    @property
-    def incomplete(self) -> bool:
-        """Whether something that should have been stored was not."""
-        return self._directory.failed or (self._recorder is not None and self._recorder.failed)
-
-    def exit_code(self) -> int:
-        """0, or 3 when the recording is incomplete."""
-        return INCOMPLETE if self.incomplete else DONE
 
 
 def directory_of_run(given: str, controller: str, seed: int) -> tuple[Path, bool]:

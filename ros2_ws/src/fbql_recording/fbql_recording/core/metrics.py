@@ -74,21 +74,19 @@ def summarise(
     incomplete: bool = False,
 ) -> Summary:
     """The summary of a run from its episodes, its number of steps and its digest."""
-    counted = [record for record in records if record.phase is not Phase.GUIDED]
-    steps_to_goal = [record.steps for record in counted if record.outcome == "goal"]
-    goals = len(steps_to_goal)
+    counts = _Counts.of(records, "goal")
     return Summary(
         controller=controller,
         seed=seed,
-        episodes=len(counted),
-        goals=goals,
-        own_goals=sum(record.outcome == "own_goal" for record in counted),
-        timeouts=sum(record.outcome == "timeout" for record in counted),
-        success_rate=goals / len(counted) if counted else None,
-        cost_per_goal=sum(record.steps for record in counted) / goals if goals else None,
-        mean_steps_per_goal=sum(steps_to_goal) / goals if goals else None,
-        collisions_begun=sum(record.collisions_begun for record in counted),
-        collision_steps=sum(record.collision_steps for record in counted),
+        episodes=counts.episodes,
+        goals=counts.successes,
+        own_goals=counts.ended("own_goal"),
+        timeouts=counts.ended(TIMEOUT),
+        success_rate=counts.success_rate,
+        cost_per_goal=counts.cost_per_success,
+        mean_steps_per_goal=counts.mean_steps_per_success,
+        collisions_begun=counts.collisions_begun,
+        collision_steps=counts.collision_steps,
         steps=steps,
         wall_s=wall_s,
         steps_per_s=steps / wall_s if wall_s else None,
@@ -99,8 +97,8 @@ def summarise(
 
 
 class TaskSummary(NamedTuple):
-    """The result of a run of another task than soccer, with the outcomes success, timeout and any other word for a failure. None as
-    in `Summary`."""
+    """The result of a run of another task than soccer, whose episodes end in a success, a timeout, or a failure by any
+    other word. None as in `Summary`."""
 
     controller: str
     seed: int
@@ -135,22 +133,20 @@ def summarise_task(
     incomplete: bool = False,
 ) -> TaskSummary:
     """The same for another task than soccer."""
-    counted = [record for record in records if record.phase is not Phase.GUIDED]
-    steps_to_success = [record.steps for record in counted if record.outcome == SUCCESS]
-    successes = len(steps_to_success)
-    timeouts = sum(record.outcome == TIMEOUT for record in counted)
+    counts = _Counts.of(records, SUCCESS)
+    timeouts = counts.ended(TIMEOUT)
     return TaskSummary(
         controller=controller,
         seed=seed,
-        episodes=len(counted),
-        successes=successes,
-        failures=len(counted) - successes - timeouts,
+        episodes=counts.episodes,
+        successes=counts.successes,
+        failures=counts.episodes - counts.successes - timeouts,
         timeouts=timeouts,
-        success_rate=successes / len(counted) if counted else None,
-        cost_per_success=sum(record.steps for record in counted) / successes if successes else None,
-        mean_steps_per_success=sum(steps_to_success) / successes if successes else None,
-        collisions_begun=sum(record.collisions_begun for record in counted),
-        collision_steps=sum(record.collision_steps for record in counted),
+        success_rate=counts.success_rate,
+        cost_per_success=counts.cost_per_success,
+        mean_steps_per_success=counts.mean_steps_per_success,
+        collisions_begun=counts.collisions_begun,
+        collision_steps=counts.collision_steps,
         steps=steps,
         wall_s=wall_s,
         steps_per_s=steps / wall_s if wall_s else None,
@@ -158,6 +154,51 @@ def summarise_task(
         messages_recorded=messages_recorded,
         incomplete=incomplete,
     )
+
+
+class _Counts(NamedTuple):
+    """What both summaries say of the episodes that count, under their own names."""
+
+    counted: Sequence[EpisodeRecord]
+    """Those that are not guided."""
+    steps_to_success: Sequence[int]
+
+    @classmethod
+    def of(cls, records: Sequence[EpisodeRecord], success: str) -> _Counts:
+        counted = [record for record in records if record.phase is not Phase.GUIDED]
+        return cls(counted, [record.steps for record in counted if record.outcome == success])
+
+    def ended(self, outcome: str) -> int:
+        """How many ended so."""
+        return sum(record.outcome == outcome for record in self.counted)
+
+    @property
+    def episodes(self) -> int:
+        return len(self.counted)
+
+    @property
+    def successes(self) -> int:
+        return len(self.steps_to_success)
+
+    @property
+    def success_rate(self) -> float | None:
+        return self.successes / self.episodes if self.counted else None
+
+    @property
+    def cost_per_success(self) -> float | None:
+        return sum(record.steps for record in self.counted) / self.successes if self.successes else None
+
+    @property
+    def mean_steps_per_success(self) -> float | None:
+        return sum(self.steps_to_success) / self.successes if self.successes else None
+
+    @property
+    def collisions_begun(self) -> int:
+        return sum(record.collisions_begun for record in self.counted)
+
+    @property
+    def collision_steps(self) -> int:
+        return sum(record.collision_steps for record in self.counted)
 
 
 _STEP = struct.Struct("<qq7d").pack
