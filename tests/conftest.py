@@ -72,14 +72,21 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _own_observations_end_with_their_module() -> Iterator[None]:
-    """A module may register observations of its own; the next one in this worker must not see them."""
+def _own_observations_and_controllers_end_with_their_module() -> Iterator[None]:
+    """A module may register observations and controllers of its own; the next one in this worker must not see them."""
     from fbql_behaviors.core.observation import OBSERVATIONS
+    from fbql_fusion.core import registry
 
-    before = dict(OBSERVATIONS)
+    observations = dict(OBSERVATIONS)
+    lists = [(known, list(known)) for known in (registry.CONTROLLERS, registry.MUX_CONTROLLERS)]
+    registered = dict(registry._registered)
     yield
-    for name in OBSERVATIONS.keys() - before.keys():
+    for name in OBSERVATIONS.keys() - observations.keys():
         del OBSERVATIONS[name]
+    for known, before in lists:
+        known[:] = before
+    registry._registered.clear()
+    registry._registered.update(registered)
 
 
 @pytest.fixture

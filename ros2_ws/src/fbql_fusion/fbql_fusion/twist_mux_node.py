@@ -132,8 +132,11 @@ class TwistMuxNode(GraphNode):
     def _act(self, ticked: Ticked) -> None:
         """Publishes what follows from a decision."""
         if ticked.pass_on is not None:
-            self._note_driver(self._mux.config.sources[ticked.pass_on].name)
+            name = self._mux.config.sources[ticked.pass_on].name
+            self._note_driver(name)
             self._send(*self._kept[ticked.pass_on])
+            if self._says_each:
+                self.get_logger().debug(one_line(f"{name}: last command passed on at {self._now_ns()}"))
         elif ticked.send is not None:
             self._publish(self._stamp(ticked.send) if self._stamped else encode_twist(ticked.send))
 
