@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import signal
 from types import FrameType
 
@@ -22,6 +23,8 @@ class Interrupts:
         """Remembers signals from now on, instead of letting them end the process."""
         for number in NUMBERS:
             signal.signal(number, self._note)
+        # Python ends with the default actions, so that a signal in its last moments would take the exit code away.
+        atexit.register(_ignore)
 
     def let_in(self) -> None:
         """Lets signals act that came, or come, while the program is being loaded: an entry script makes them wait."""
@@ -39,3 +42,8 @@ class Interrupts:
 
     def _note(self, number: int, _frame: FrameType | None) -> None:
         self.came = self.came or number
+
+
+def _ignore() -> None:
+    for number in NUMBERS:
+        signal.signal(number, signal.SIG_IGN)
