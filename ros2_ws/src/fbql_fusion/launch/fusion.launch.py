@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+PARAMETERS = {"controller": str, "policy": str, "episodes": int, "goals": int, "seed": int, "run_directory": str}
+"""Those that are chosen most often. `ros2 run fbql_fusion fusion --help` lists all."""
+
 
 def generate_launch_description() -> LaunchDescription:
-    """The node, with the parameters that are chosen most often. `ros2 run fbql_fusion fusion --help` lists all."""
-    kinds = {"controller": str, "episodes": int, "seed": int, "run_directory": str}
-    return LaunchDescription(
-        [
-            DeclareLaunchArgument("controller", default_value="fbql", description="who decides"),
-            DeclareLaunchArgument("episodes", default_value="10", description="episodes to play"),
-            DeclareLaunchArgument("seed", default_value="0", description="seed of the run"),
-            DeclareLaunchArgument("run_directory", default_value="", description="where the run is recorded"),
-            Node(
-                package="fbql_fusion",
-                executable="fusion",
-                output="screen",
-                parameters=[
-                    {name: ParameterValue(LaunchConfiguration(name), value_type=kind) for name, kind in kinds.items()}
-                ],
-            ),
-        ]
-    )
+    """The arguments, and the node."""
+    arguments = [
+        DeclareLaunchArgument(name, default_value="", description=f"parameter '{name}'; empty: the node's default")
+        for name in PARAMETERS
+    ]
+    return LaunchDescription([*arguments, OpaqueFunction(function=fusion)])
+
+
+def fusion(context: LaunchContext) -> list[Node]:
+    """The node, with the parameters that were given: it plays what bringup plays where it is given nothing else."""
+    given = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+        for name, kind in PARAMETERS.items()
+        if LaunchConfiguration(name).perform(context)
+    }
+    return [Node(package="fbql_fusion", executable="fusion", output="screen", parameters=[given] if given else None)]
