@@ -37,7 +37,7 @@ def test_the_whole_page_fits_and_shows_state_and_keys(behavior: str, size: tuple
     assert max(map(len, lines)) <= size[0]
     text = "\n".join(lines)
     assert text.isascii() or not ascii_only
-    told = [behavior, "demonstration 1, 0 kept", "0 of 1000 patterns", "begins with your first key", "left 1"]
+    told = [behavior, "demonstration 1, 0 kept", "0 patterns, at most 1000", "begins with your first key", "left 1"]
     keys = ["faster", "slower", "turn left", "turn right", "stop", "next start", "undo", "finish"]
     assert [word for word in [*told, *keys, "kept demonstration 3"] if word not in text] == []
     for whole in plain(side):

@@ -60,7 +60,7 @@ def driving_side(
     return [
         [(behavior, STRONG)],
         [(f"demonstration {number}, {len(sitting.kept)} kept", "")],
-        [(f"{sitting.patterns} of {sitting.wanted} patterns", "")],
+        [(f"{sitting.patterns} patterns, at most {sitting.wanted}", "")],
         [],
         [(state, STRONG)],
         [],
