@@ -52,6 +52,10 @@ OF_STUDIES = {"experiment": "fbql_studies.experiment", "sweep": "fbql_studies.sw
 COMMAND = re.compile(r"(?:python3 scripts/(?=\w+\.py)|(?:ros2 run )?fbql )(\w+)(?:\.py)?\b(.*)")
 EXECUTABLE = re.compile(r"ros2 run (fbql_\w+) (\w+)")
 PLACE = re.compile(r"(?<![\w/.])((?:scripts(?!/[A-Z]+\.)|docs|tests|benchmarks|cmake|ros2_ws)/[\w./*-]*\w|\.ci/run)")
+CELL_PLACE = re.compile(r"(?:`|\s)([\w.]+(?:/[\w.]+)*(?:/|\.py|\.msg))(?=`|\s)")
+"""A file or folder that is named in a cell."""
+NAME_IN_FILE = re.compile(r"`(\w+)` (?:in|of) `([\w./]+\.py)`")
+SOURCES = ("benchmarks", "docs", "ros2_ws/src", "requirements", "scripts", "tests")
 MADE = ("ros2_ws/build", "ros2_ws/install", "ros2_ws/log")
 """Places that only the set-up makes."""
 DOTTED = re.compile(r"fbql_\w+(?:\.\w+)+")
@@ -203,6 +207,21 @@ def test_no_link_of_a_package_leaves_it(path: Path) -> None:
 def test_every_file_and_command_that_is_told_of_is_there(path: Path) -> None:
     told = {place for place in PLACE.findall(path.read_text()) if not place.startswith(MADE)}
     assert not {place for place in told if not any(ROOT.glob(place))}
+
+
+def test_everything_that_contributing_says_to_open_is_there() -> None:
+    """A place may be the end of a path, as where a row has named the folder before."""
+    table = "\n".join(line for line in (ROOT / "CONTRIBUTING.md").read_text().splitlines() if line.startswith("|"))
+    files = [
+        path.relative_to(ROOT).as_posix() for root in SOURCES for path in (ROOT / root).rglob("*") if path.is_file()
+    ]
+    for place in CELL_PLACE.findall(table):
+        if "NAME" not in place and not place.startswith("runs/"):
+            end = place.rstrip("/")
+            assert any(f"/{file}".endswith(f"/{end}") or f"/{end}/" in f"/{file}" for file in files), place
+    for name, place in NAME_IN_FILE.findall(table):
+        texts = [(ROOT / file).read_text() for file in files if f"/{file}".endswith(f"/{place}")]
+        assert any(re.search(rf"\b{name}\b", text) for text in texts), (name, place)
 
 
 @every_document()
