@@ -81,6 +81,15 @@ def test_it_answers_as_the_core_and_the_rule_do(bench, tmp_path):
         bench.until(lambda expected=expected: driven.out and driven.out[-1] == expected, f"the command at {place}")
 
 
+def test_without_a_rate_it_answers_each_message_once(bench, tmp_path):
+    driven = Driven(bench, tmp_path, rate_hz=0.0)
+    for count, place in enumerate((NEAR_RIGHT, NEAR_RIGHT, NEAR_LEFT), start=1):
+        driven.publisher.publish(scan_of(*place))
+        bench.until(lambda count=count: len(driven.out) >= count, "a command")
+        linear, angular = teleoperated(*place)
+        assert driven.out[count - 1 :] == [Twist(linear_x_m_s=linear, angular_z_rad_s=angular)]
+
+
 def test_a_stamped_command_has_time_and_frame(bench, tmp_path):
     driven = Driven(bench, tmp_path, stamped=True, frame="base")
     driven.publisher.publish(scan_of(*CLEAR))

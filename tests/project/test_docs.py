@@ -55,7 +55,7 @@ PLACE = re.compile(r"(?<![\w/.])((?:scripts(?!/[A-Z]+\.)|docs|tests|benchmarks|c
 CELL_PLACE = re.compile(r"(?:`|\s)([\w.]+(?:/[\w.]+)*(?:/|\.py|\.msg))(?=`|\s)")
 """A file or folder that is named in a cell."""
 NAME_IN_FILE = re.compile(r"`(\w+)` (?:in|of) `([\w./]+\.py)`")
-SOURCES = ("benchmarks", "docs", "ros2_ws/src", "requirements", "scripts", "tests")
+SOURCES = ("benchmarks", "docs", "examples", "ros2_ws/src", "requirements", "scripts", "tests")
 MADE = ("ros2_ws/build", "ros2_ws/install", "ros2_ws/log")
 """Places that only the set-up makes."""
 DOTTED = re.compile(r"fbql_\w+(?:\.\w+)+")

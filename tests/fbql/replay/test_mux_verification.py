@@ -143,10 +143,13 @@ def test_other_parameters_than_were_recorded_are_a_difference_and_wrong_ones_one
         assert "Traceback" not in out + err
 
 
-def test_commands_for_runs_of_soccer_refuse_a_run_of_a_mux_in_one_line(
+def test_what_is_for_runs_of_soccer_refuses_a_run_of_a_mux_in_one_line(
     recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for command, words in ((report, ["--out", str(tmp_path / "page.html")]), (replay, ["--set", "weight_gain=0.1"])):
+    for command, words in (
+        (report, ["--out", str(tmp_path / "page.html"), "--figures"]),
+        (replay, ["--set", "weight_gain=0.1"]),
+    ):
         assert command([str(recorded), *words]) == 2
         _, err = capsys.readouterr()
         assert "of a mux" in err.splitlines()[-1]

@@ -38,7 +38,13 @@ class TwistBehaviorParameters:
     """Parameters of the node of a tree from a bag."""
 
     tree_file: str = parameter("", "tree file to run, made by induce --bag", required=True)
-    rate_hz: float = parameter(10.0, "how often a command is published", unit="Hz", low=0.1, high=1000.0)
+    rate_hz: float = parameter(
+        10.0,
+        "how often a command is published; 0: with each message of the last topic in the recipe",
+        unit="Hz",
+        low=0.0,
+        high=1000.0,
+    )
     stamped: bool = parameter(False, "publish TwistStamped instead of Twist")
     frame: str = parameter("base_link", "frame of the header of a TwistStamped")
 
@@ -68,7 +74,10 @@ class TwistBehaviorNode(GraphNode):
             )
             for topic, type_name in self._behavior.types.items()
         ]
-        self._timer = steady_timer(self, 1.0 / parameters.rate_hz, self._drive)
+        self._paced_by = "" if parameters.rate_hz else list(self._behavior.types)[-1]
+        """The topic with whose messages commands are published; empty: a timer sets the pace."""
+        if parameters.rate_hz:
+            self._timer = steady_timer(self, 1.0 / parameters.rate_hz, self._drive)
         topics = ", ".join(each.topic_name for each in self._inputs)
         self.get_logger().info(
             one_line(
@@ -85,6 +94,8 @@ class TwistBehaviorNode(GraphNode):
             self._behavior.hear(topic, message, self._now_ns())
         except BadInput as error:
             self._warn(f"dropped a message: {error}")
+        if topic == self._paced_by:
+            self._drive()
 
     def _drive(self) -> None:
         answer = self._behavior.answer(self._now_ns())

@@ -138,7 +138,9 @@ class Run:
     def require_match(self) -> None:
         """Raises BadInput for a run of a mux, which has no field, ball or wheels."""
         if self.is_of_mux:
-            raise BadInput(f"{self.path}: a run of a mux, and not of a match; replay can verify and publish it")
+            raise BadInput(
+                f"{self.path}: a run of a mux, and not of a match; replay can verify and publish it, report shows it"
+            )
 
     # What is wrong with it
 

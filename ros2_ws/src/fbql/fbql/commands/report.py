@@ -19,6 +19,7 @@ from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import LiveLine, print_result, warn, writing
 from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path
+from fbql.report.mux import write_mux_page
 from fbql.report.page import write_page
 from fbql.report.texts import plain
 
@@ -31,7 +32,7 @@ def parser(program: str) -> Parser:
     command = Parser(
         prog=program,
         description="Writes the report of a recorded run: one HTML page that needs no network, with the field, every "
-        "behavior's leaf in words, weights, Q, rewards, timelines, parameters and hashes.",
+        "behavior's leaf in words, weights, Q, rewards, timelines, parameters and hashes; of a mux with its episodes and who drove.",
         epilog="Exit codes: 0 done; 1 failed; 2 bad input; 3 done, but the recording is incomplete.",
     )
     command.add_argument("run", type=Path, metavar="RUN", help=RUN_HELP)
@@ -51,7 +52,8 @@ def parser(program: str) -> Parser:
 def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Writes the page. Returns 0, or 3 if the recording is incomplete."""
     run = open_run(arguments.run, skip_corrupt=arguments.skip_corrupt)
-    run.require_match()
+    if run.is_of_mux and arguments.figures:
+        raise BadInput(f"{run.path}: a run of a mux has no figures; leave out --figures")
     out = arguments.out or default_page(run.path)
     figures = out.with_name(f"{out.stem}-figures") if arguments.figures else None
     for path in (out, figures):
@@ -79,16 +81,21 @@ def _write(run: Run, out: Path, figures: Path | None, interrupts: Interrupts) ->
     what = "page"
     files: list[Path] = []
     with closing(LiveLine()) as line, writing(out), atomic_text(out) as file:
-        contents = write_page(run, file, progress)
-        if figures is not None:
-            what = "tables"
-            with writing(figures), output_directory(figures, is_ours=True):
-                files = _figures(run, contents.episodes, figures, progress)
+        if run.is_of_mux:
+            driven = write_mux_page(run, file, progress)
+            steps, episodes = sum(each.steps for each in driven), len(driven)
+        else:
+            contents = write_page(run, file, progress)
+            steps, episodes = contents.steps, len(contents.episodes)
+            if figures is not None:
+                what = "tables"
+                with writing(figures), output_directory(figures, is_ours=True):
+                    files = _figures(run, contents.episodes, figures, progress)
     return {
         "path": str(out),
         "bytes": out.stat().st_size,
-        "steps": contents.steps,
-        "episodes": len(contents.episodes),
+        "steps": steps,
+        "episodes": episodes,
         "complete": run.is_complete,
         "files": [str(file) for file in files],
     }

@@ -56,7 +56,7 @@ def write_page(run: Run, out: TextIO, progress: Callable[[int], None]) -> Conten
             senses=senses(contents.trees.values()),
             controllers=_controllers(contents),
             episodes=_episodes(contents),
-            about=_about(contents, _file_digests(run)),
+            about=_about(contents, file_digests(run)),
             data=json_for_html(page_data(contents, contents.blocks)),
             blocks="\0",
         ).split("\0")
@@ -79,13 +79,13 @@ def filled(start: str, connect: str = "", **parts: str) -> str:
     style = (ASSETS / "page.css").read_text(encoding="utf-8")
     program = "\n".join((ASSETS / name).read_text(encoding="utf-8") for name in (*_PROGRAM, start))
     program = f'(() => {{\n"use strict";\n{program}\n}})();'
-    policy = f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; script-src '{_hash(program)}'"
+    policy = f"default-src 'none'; img-src data:; style-src '{source_hash(style)}'; script-src '{source_hash(program)}'"
     policy += f"; connect-src {connect}" if connect else ""
     template = Template((ASSETS / "page.html").read_text(encoding="utf-8"))
     return template.substitute(parts, policy=policy, style=style, program=program)
 
 
-def _hash(text: str) -> str:
+def source_hash(text: str) -> str:
     """A script's or style's hash as a security policy writes it."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
@@ -237,24 +237,24 @@ def _about(contents: Contents, digests: Mapping[str, str]) -> str:
     facts: list[tuple[str, Any]] = [
         ("digest of every step", summary.get("digest")),
         ("git revision", run.config.get("git_revision")),
-        *((f"version of {name}", version) for name, version in _mapping(run.config.get("versions")).items()),
+        *((f"version of {name}", version) for name, version in mapping(run.config.get("versions")).items()),
         ("steps in the recording", contents.steps),
         ("complete", run.is_complete),
     ]
-    parts = [_facts("Origin", facts)]
-    parts.append(_facts("SHA-256 of the files", digests.items(), code=True))
+    parts = [facts_table("Origin", facts)]
+    parts.append(facts_table("SHA-256 of the files", digests.items(), code=True))
     parts.append(
-        _facts("Hashes of the trees", ((_tree_name(contents, each), each) for each in contents.tree_hashes), True)
+        facts_table("Hashes of the trees", ((_tree_name(contents, each), each) for each in contents.tree_hashes), True)
     )
-    parts.append(_facts("Messages recorded", run.counts.items()))
+    parts.append(facts_table("Messages recorded", run.counts.items()))
     for node, parameters in run.parameters.items():
-        parts.append(_facts(f"Parameters of {html(node)}", _mapping(parameters).items()))
+        parts.append(facts_table(f"Parameters of {html(node)}", mapping(parameters).items()))
     if not run.parameters:
         parts.append(f"<p>Parameters: {NOT_AVAILABLE}, the recording has none.</p>")
     return f"<section><h2>The run</h2>\n{_precision()}\n{'\n'.join(parts)}\n</section>"
 
 
-def _file_digests(run: Run) -> dict[str, str]:
+def file_digests(run: Run) -> dict[str, str]:
     """SHA-256 of the recording's files and of what is attached in it."""
     digests: dict[str, str] = {}
     for path in run.files:
@@ -268,7 +268,7 @@ def _tree_name(contents: Contents, tree_hash: str) -> str:
     return f"{tree.behavior}, {tree.leaf_count} leaves" if tree is not None else "not in the recording"
 
 
-def _facts(caption: str, facts: Iterable[tuple[str, Any]], code: bool = False) -> str:
+def facts_table(caption: str, facts: Iterable[tuple[str, Any]], code: bool = False) -> str:
     rows = [
         (html(name), f"<code>{html(value_text(value))}</code>" if code else html(value_text(value)))
         for name, value in facts
@@ -278,7 +278,7 @@ def _facts(caption: str, facts: Iterable[tuple[str, Any]], code: bool = False) -
     return f"<details><summary>{caption}</summary>{table(caption, ('name', 'value'), rows)}</details>"
 
 
-def _mapping(value: Any) -> Mapping[str, Any]:
+def mapping(value: Any) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 
 

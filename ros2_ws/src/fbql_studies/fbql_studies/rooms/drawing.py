@@ -13,7 +13,7 @@ from fbql_studies.rooms.robot import GOAL_RADIUS_M, RADIUS_M
 from fbql_studies.rooms.sources import SOURCES
 
 COLOURS = dict(zip(SOURCES, ("#1b7837", "#2166ac", "#e08214", "#c51b7d", "#b2182b"), strict=True))
-OTHER = "#666666"
+OTHER = "#6a3d9a"
 
 
 class Trail(NamedTuple):
@@ -53,5 +53,6 @@ def draw(trails: Sequence[Trail], path: Path) -> None:
         place.set_title(f"{room.family} {room.seed}", fontsize=8)
     others = sorted({driver for trail in trails for *_, driver in trail.points} - COLOURS.keys() - {""})
     handles = [Line2D([], [], color=COLOURS.get(name, OTHER), label=name) for name in (*COLOURS, *others)]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=8, frameon=False)
+    ncols = min(len(handles), 3 * columns)
+    figure.legend(handles=handles, loc="outside lower center", ncols=ncols, fontsize=8, frameon=False)
     figure.savefig(path, dpi=150)
