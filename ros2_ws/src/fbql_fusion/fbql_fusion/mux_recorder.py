@@ -20,9 +20,12 @@ from fbql_recording.run_directory import RunDirectory, custom_data, own_revision
 
 from fbql_fusion.core.mux.learning import NODE, MuxDescription
 from fbql_fusion.core.mux_session import MuxSession
+from fbql_fusion.policy_storage import learned_bytes
 from fbql_fusion.run_recorder import SessionRecorder, channel_of, directory_of_run
 
 _DECISION, _COMMAND = 0, 1
+SAVE_PERIOD_S = 30.0
+"""Shortest time between two savings of what is being learned [s]. A process that is killed loses no more."""
 
 
 class MuxRecorder(SessionRecorder):
@@ -41,7 +44,7 @@ class MuxRecorder(SessionRecorder):
     ) -> None:
         super().__init__()
         self._session: MuxSession = session
-        self._begun_s = monotonic()
+        self._begun_s = self._saved_s = monotonic()
         self._episodes = 0
         parameters = session.parameters
         self.path, is_new = directory_of_run(mux.learned.run_directory, parameters.controller, parameters.seed)
@@ -74,13 +77,16 @@ class MuxRecorder(SessionRecorder):
             raise
 
     def record_decision(self, data: bytes, stamp_ns: int) -> None:
-        """Records a decision, and adds the row of an episode that it ended."""
+        """Records a decision; adds the row of an episode that it ended, and now and then saves what has been learned by then."""
         if self._recorder is not None:
             self._recorder.write(_DECISION, data, stamp_ns)
         for record in self._session.records[self._episodes :]:
             self._episodes += 1
             self._directory.add_episode(record)
             self.flush()
+            if self._session.is_learning and monotonic() - self._saved_s >= SAVE_PERIOD_S:
+                self._directory.write_policy(lambda: learned_bytes(self._session))
+                self._saved_s = monotonic()
 
     def record_command(self, data: bytes, stamp_ns: int) -> None:
         """Records a command that was published."""
