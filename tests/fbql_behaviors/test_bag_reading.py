@@ -38,6 +38,15 @@ def test_both_storages_compressed_or_not_give_the_same(bag: Path, tmp_path: Path
     assert read_bag(next(bag.glob("*.mcap")), SENSED) == expected, "a file without its metadata.yaml"
 
 
+@pytest.mark.parametrize("name", ["drive#2", "drive?", "a%41", "100 %", "q\nr", "球"])
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_bag_may_have_any_name(bag: Path, tmp_path: Path, storage: str, name: str) -> None:
+    written = write_bag(tmp_path / "drive", drive(1, 60).messages, storage).rename(tmp_path / name)
+    assert read_bag(written, SENSED) == read_bag(bag, SENSED)
+    (file,) = (each for each in written.iterdir() if each.suffix in (".mcap", ".db3"))
+    assert read_bag(file, SENSED) == read_bag(bag, SENSED)
+
+
 def test_what_is_read_is_what_was_recorded_and_when(bag: Path) -> None:
     messages = drive(1, 60).messages
     events = read_bag(bag, SENSED).events

@@ -1,6 +1,6 @@
 """Bags that others recorded: rosbag2 in MCAP or SQLite 3, read by the library `rosbags`, without ROS.
 
-Only this module needs `rosbags`. Of each message no more is kept than what a specification asks for.
+Only this module and `bag_limits` need `rosbags`. Of each message no more is kept than what a specification asks for.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from fbql_common.core.errors import BadInput, in_one_line
 from fbql_common.core.field_path import parse_path
 from fbql_common.files import read_file
 from fbql_recording.plain_yaml import from_yaml
-from mcap.stream_reader import StreamReader
 
+from fbql_behaviors.bag_limits import check_mcap, check_type, set_limits
 from fbql_behaviors.core.bag_patterns import Event
 from fbql_behaviors.core.bag_spec import TWIST, TWIST_STAMPED, Spec, spec_of
 from fbql_behaviors.core.senses import Senses
@@ -70,21 +70,24 @@ def _rosbags() -> Any:
     try:
         import_module("rosbags.highlevel")
         import_module("rosbags.typesys")
-        return import_module("rosbags")
+        library = import_module("rosbags")
     except ModuleNotFoundError:
         raise BadInput(f"bags need the package rosbags, which is not installed: {how_to_install('bags')}") from None
+    set_limits()
+    return library
 
 
 def _check_mcap(path: Path) -> None:
-    """Reads the MCAP files with their checksums, which rosbags does not look at. Raises what the mcap package raises."""
+    """Reads the MCAP files with their checksums. Raises what `check_mcap` raises."""
     for file in sorted(path.glob("*.mcap")) if path.is_dir() else [path] if path.suffix == ".mcap" else []:
         with file.open("rb") as stream:
-            for _ in StreamReader(stream, validate_crcs=True).records:
-                pass
+            check_mcap(stream)
 
 
 def _read(reader: Any, spec: Spec) -> Bag:
     types = _types(reader.connections, spec)
+    for name in types.values():
+        check_type(reader.typestore.fielddefs, name)
     senses = Senses(spec)
     inside = "twist." if types[spec.command_topic] == TWIST_STAMPED else ""
     axes = [parse_path(f"{inside}{axis.name}") for axis in spec.commands.axes]
