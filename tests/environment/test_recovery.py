@@ -20,7 +20,7 @@ from setup_checkout import command, fresh_environment, make_checkout, run, start
 from setup_target import made_target
 
 SPEAK = ("ros2", "run", "speaker", "speak")
-PATIENCE_S = 60
+PATIENCE_S = 300
 
 
 class Started:

@@ -22,7 +22,7 @@ from measure.command_process import CommandProcess
 from places import ROOT
 
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 END_S = 5.0
 """Within this everything has ended after it was asked to (faults 27 and 28) [s]."""
 HOSTILE = {

@@ -13,7 +13,7 @@ from time import monotonic
 from typing import Any
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 CODES = {"Enter": 13, "ArrowLeft": 37, "ArrowRight": 39}
 """Of keys that controls of the browser's own look at."""
 

@@ -35,7 +35,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
 DECODE = {World: decode_world, BehaviorOutput: decode_output, WheelCommand: decode_command, Decision: decode_decision}
 STEP_NS = 16_666_667

@@ -14,7 +14,7 @@ import pytest
 from ament_index_python.packages import get_package_prefix
 from measure.command_process import take_terminal
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 
 class NodeProcess:

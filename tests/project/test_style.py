@@ -11,7 +11,7 @@ from places import ROOT
 def say_nothing(*command: str) -> None:
     """Fails, with everything that the tool has to say, unless it has nothing to say."""
     done = subprocess.run(
-        [sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True, timeout=240, check=False
+        [sys.executable, "-m", *command], cwd=ROOT, capture_output=True, text=True, timeout=850, check=False
     )
     assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}{done.stderr}"
 

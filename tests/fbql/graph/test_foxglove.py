@@ -22,7 +22,7 @@ client = pytest.importorskip("websockets.sync.client", reason="it is in requirem
 Start = Callable[..., Run]
 ADDRESS = re.compile(r"ws://127\.0\.0\.1:\d+")
 SUBPROTOCOL = "foxglove.sdk.v1"
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 MESSAGE = struct.Struct("<BIQ")
 """opcode, subscription, log time"""
 ONE = ("--processes", "one")

@@ -20,7 +20,7 @@ from fbql_behaviors.demonstration_storage import load_demonstrations, load_recor
 
 Start = Callable[..., Run]
 BEHAVIOR = "ball_seeking"
-PATIENCE_S = 40.0
+PATIENCE_S = 120.0
 
 
 class Screen:
