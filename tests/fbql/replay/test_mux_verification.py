@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import json
+import math
+import random
 import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 from commands import recover, replay, report
+from fbql_common.core.mux_types import MuxDecision
 from fbql_common.wire import decode_mux_decision, encode_mux_decision
 from fbql_recording.mcap.reader import Message
 from fbql_recording.run import open_run
+from fuzzing import dice
 from recorded_rail import record_rail
 from rewritten_run import rewrite
 
@@ -154,3 +159,61 @@ def test_what_is_for_runs_of_soccer_refuses_a_run_of_a_mux_in_one_line(
         _, err = capsys.readouterr()
         assert "of a mux" in err.splitlines()[-1]
         assert len(err.splitlines()) == 1
+
+
+ODD: dict[type, tuple[Any, ...]] = {
+    float: (math.nan, math.inf, -1e308, 0.0),
+    int: (-1, 0, 2**31 - 1),
+    str: ("", "\x1b[2J\n", "x" * 3000),
+    bool: (True, False),
+}
+
+
+def odd_field(decision: MuxDecision, rng: random.Random) -> MuxDecision:
+    """The decision with another value in a field, or another number of values."""
+    name = rng.choice(decision._fields)
+    value = getattr(decision, name)
+    if not isinstance(value, tuple):
+        return decision._replace(**{name: rng.choice(ODD[type(value)])})
+    odd = tuple(rng.choice(ODD[type(each)]) for each in value)
+    return decision._replace(**{name: rng.choice(((), value + value, value[:-1], odd))})
+
+
+@pytest.mark.parametrize("name", ["commands", "ages_s", "active", "observed"])
+@pytest.mark.parametrize(
+    "how", [lambda _: (), lambda value: value[:-1], lambda value: value * 2], ids=["none", "fewer", "more"]
+)
+def test_a_snapshot_of_other_sources_or_observations_is_one_line(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, how: Callable[..., tuple[Any, ...]]
+) -> None:
+    def change(message: Message) -> bytes:
+        if message.topic != DECISION:
+            return message.data
+        decision = decode_mux_decision(message.data)
+        return encode_mux_decision(decision._replace(**{name: how(getattr(decision, name))}))
+
+    odd = rewrite(recorded, tmp_path / "odd", change)
+    assert replay([str(odd), "--verify"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("its decisions are not on the sources and observations of its config.yaml")
+
+
+def test_any_decisions_are_compared_or_refused(recorded: Path, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for number, rng in enumerate(dice(10)):
+        chosen = {rng.randrange(50) for _ in range(2)}
+        places = iter(range(10**6))
+
+        def change(
+            message: Message, chosen: set[int] = chosen, places: Iterator[int] = places, rng: random.Random = rng
+        ) -> bytes:
+            if message.topic != DECISION or next(places) not in chosen:
+                return message.data
+            return encode_mux_decision(odd_field(decode_mux_decision(message.data), rng))
+
+        odd = rewrite(recorded, place / f"odd_{number}", change)
+        for command, words in ((replay, ["--verify"]), (report, ["--out", str(place / f"{number}.html")])):
+            code = command([str(odd), *words])
+            out, err = capsys.readouterr()
+            assert code in (0, 1, 2)
+            assert all(line.isprintable() for line in [*out.splitlines(), *err.splitlines()])
+            assert code != 2 or (out, err.count("\n")) == ("", 1)

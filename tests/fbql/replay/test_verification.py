@@ -325,6 +325,18 @@ def test_durations_in_steps_of_an_older_recording_are_understood(tmp_path, capsy
         assert verify(copy, capsys)[0] == code
 
 
+@pytest.mark.parametrize("files", [None, 5, True, "a.json", [1, 2, 3], [None], [[]], {"a": "b"}], ids=str)
+@pytest.mark.parametrize("options", [["--verify"], ["--set", "weight_gain=0.05"]], ids=lambda words: words[0])
+def test_tree_files_that_are_no_list_of_texts_are_one_line(recorded, tmp_path, capsys, options, files):
+    source = rewrite(recorded, tmp_path / "source", lambda message: message.data, leave_out=("config.yaml",))
+    config = yaml.safe_load((source / "config.yaml").read_text())
+    config["parameters"]["fusion"]["tree_files"] = files
+    (source / "config.yaml").write_text(yaml.safe_dump(config))
+    assert main([str(source), *options]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{source}: config.yaml: parameter 'tree_files' must be list[str], not " in line
+
+
 # After a gap
 
 

@@ -42,6 +42,8 @@ def verify_mux(run: Run, progress: Callable[[int], None]) -> Verification:
     except BadInput as error:
         raise BadInput(f"{run.path}: config.yaml: {error}") from None
     leaves = SourceLeaves(robot.space)
+    sources = len(session.behaviors)
+    lengths = [sources, sources, sources * len(robot.space.axes), sum(robot.lengths)]
     topics = [topic for topic in run.topics.values() if topic.type_name == MUX_DECISION]
     codec = MessageCodec[MuxDecision](MUX_DECISION, topics[0].schema)
     steps = 0
@@ -66,7 +68,7 @@ def verify_mux(run: Run, progress: Callable[[int], None]) -> Verification:
         if snapshot.step == 0 and session.next_episode() is None:
             difference = Difference(steps, *due, at, "the schedule", f"episode {due[0]}", "the run had ended before it")
             break
-        if len(recorded.active) != len(session.behaviors) or len(recorded.observed) != sum(robot.lengths):
+        if [len(part) for part in (recorded.active, recorded.ages_s, recorded.commands, recorded.observed)] != lengths:
             raise BadInput(f"{run.path}: its decisions are not on the sources and observations of its config.yaml")
         command, decision = session.decide(snapshot.moment(robot.lengths), snapshot.answers(leaves))
         differs = compared(codec, snapshot.decided(decision, command), message.data)

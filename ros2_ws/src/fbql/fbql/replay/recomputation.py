@@ -125,7 +125,8 @@ def recorded_playing_trees(run: Run, instead: Mapping[str, Behavior] | None = No
     Args:
         instead: behaviors that play with another tree.
     """
-    files: list[str] = run.parameters.get("fusion", {}).get("tree_files", [])
+    told = {name: value for name, value in run.parameters.get("fusion", {}).items() if name == "tree_files"}
+    files = from_mapping(FusionNodeParameters, told, f"{run.path}: config.yaml").tree_files
     recorded = dict(_trees_by_name(run))
     trees = [recorded.get(f"{recording_names.TREES}{Path(file).name}") for file in files]
     known = {name: tree for name, tree in zip(run.behaviors, trees, strict=False) if tree is not None}
