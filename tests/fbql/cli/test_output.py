@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import pty
 import subprocess
@@ -10,8 +11,9 @@ import sys
 from collections.abc import Callable
 
 import pytest
-from fbql.cli.output import LiveLine, complain, print_result, say, warn
+from fbql.cli.output import LiveLine, complain, json_text, print_result, say, warn
 from fbql.cli.parser import Parser
+from fuzzing import finite_json
 
 FORGED = "x\nfbql: all is well\x1b[2J\u202e\ud800\r"
 SHOWN = "x\\nfbql: all is well\\x1b[2J\\u202e\\ud800\\r"
@@ -39,6 +41,16 @@ def test_a_line_on_stderr_stays_one_line(show: Callable[[], None], capsys: pytes
 def test_a_result_has_only_the_lines_that_are_its_own(capsys: pytest.CaptureFixture[str]) -> None:
     print_result("a\x1b[31m\nb\u202e\r")
     assert capsys.readouterr().out == "a\\x1b[31m\nb\\u202e\\r\n"
+
+
+def test_a_result_in_json_has_null_for_a_number_that_json_lacks() -> None:
+    values = {"nan": math.nan, "inside": [1, (-math.inf, 0.1 + 0.2), {"x": math.inf}], "text": "NaN", "none": None}
+    assert finite_json(json_text(values)) == {
+        "nan": None,
+        "inside": [1, [None, 0.1 + 0.2], {"x": None}],
+        "text": "NaN",
+        "none": None,
+    }
 
 
 def test_a_live_line_on_a_terminal_is_escaped() -> None:
@@ -85,6 +97,7 @@ CODE = """
 import os, sys
 from fbql.cli.output import print_result, results_apart
 from fbql.cli.parser import Parser
+from fuzzing import finite_json
 with results_apart():
     os.write(1, b"a library's error\\n")
     print("somebody's own controller")

@@ -17,7 +17,7 @@ from fbql_common.core.mux_types import MuxDecision
 from fbql_common.wire import decode_mux_decision, encode_mux_decision
 from fbql_recording.mcap.reader import Message
 from fbql_recording.run import open_run
-from fuzzing import dice
+from fuzzing import dice, finite_json
 from recorded_rail import record_rail
 from rewritten_run import rewrite
 
@@ -32,7 +32,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def verify(run: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, dict[str, Any]]:
     code = replay([str(run), "--verify", "--json", *options])
-    return code, json.loads(capsys.readouterr().out)
+    return code, finite_json(capsys.readouterr().out)
 
 
 def is_identical(run: Path, capsys: pytest.CaptureFixture[str]) -> int:

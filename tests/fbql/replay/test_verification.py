@@ -29,6 +29,7 @@ from fbql_fusion.core.controllers.parameters import CONTROLLERS
 from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_recording.recovery.recover import recover
 from fbql_recording.run import open_run
+from fuzzing import finite_json
 from mcap.opcode import Opcode
 from places import ROOT
 from recorded_match import TREES, digest_of, record_match
@@ -46,7 +47,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def verify(run: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, dict[str, Any]]:
     code = main([str(run), "--verify", "--json", *options])
-    return code, json.loads(capsys.readouterr().out)
+    return code, finite_json(capsys.readouterr().out)
 
 
 def is_identical(run: Path, capsys: pytest.CaptureFixture[str], *options: str) -> int:
@@ -138,6 +139,7 @@ def next_float(value: float) -> float:
     [
         ("/fusion/decision", "weights", lambda w: (w[0], next_float(w[1]), w[2]), "weights of the decision"),
         ("/fusion/decision", "q", lambda q: (q[0], q[1], next_float(q[2])), "q of the decision"),
+        ("/fusion/decision", "q", lambda q: (q[0], math.nan, q[2]), "q of the decision"),
         ("/fusion/decision", "joint_state", lambda s: (s[0] + 1, *s[1:]), "joint_state of the decision"),
         ("/fusion/decision", "degraded", lambda d: not d, "degraded of the decision"),
         ("/wheel_command", "left_rad_s", next_float, "left_rad_s of the command"),

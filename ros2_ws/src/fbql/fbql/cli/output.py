@@ -7,13 +7,15 @@ printable, and characters that the stream's encoding lacks.
 from __future__ import annotations
 
 import errno
+import json
 import os
 import sys
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
+from math import isfinite
 from pathlib import Path
 from time import monotonic
-from typing import TextIO
+from typing import Any, TextIO
 
 from fbql_common.core.text import as_lines, one_line
 from fbql_common.files import DISK_FAILURES, remedy
@@ -67,6 +69,19 @@ def print_result(text: str) -> None:
         _silence(stream)
         if error.errno not in (errno.EPIPE, errno.EIO):
             raise Unwritable("the result on stdout", error) from None
+
+
+def json_text(values: Any) -> str:
+    """A result as JSON, which has no NaN and no infinity: null stands for them."""
+    return json.dumps(_as_json(values), allow_nan=False)
+
+
+def _as_json(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {name: _as_json(each) for name, each in value.items()}  # pyright: ignore[reportUnknownVariableType]
+    return [_as_json(each) for each in value] if isinstance(value, list | tuple) else value  # pyright: ignore[reportUnknownVariableType]
 
 
 @contextmanager

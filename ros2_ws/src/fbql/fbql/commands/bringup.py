@@ -21,7 +21,7 @@ from fbql_recording.core.columns import Recorded
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupted, Interrupts
-from fbql.cli.output import LiveLine, Unwritable, print_result
+from fbql.cli.output import LiveLine, Unwritable, json_text, print_result
 from fbql.cli.parser import Parser
 from fbql.cli.places import command_text
 from fbql.graph.domains import domain_from
@@ -175,7 +175,7 @@ def _report(
     again = same_options(match)
     text += f"\n{next_steps(summary, run, again, match.fusion.learn, controller_options(match), supervision.domain_id)}"
     try:
-        print_result(json.dumps(summary) if as_json else text)
+        print_result(json_text(summary) if as_json else text)
     except Unwritable as error:
         line.complain(f"{error}; it is also in {path}")
         return code or FAILED

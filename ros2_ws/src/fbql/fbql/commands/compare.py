@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
@@ -17,7 +16,7 @@ from fbql_recording.run import open_run
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import LiveLine, complain, print_result, warn, writing
+from fbql.cli.output import LiveLine, complain, json_text, print_result, warn, writing
 from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path, without_effect
 from fbql.cli.words import counted
 from fbql.report.comparison import (
@@ -100,7 +99,7 @@ def _letters(groups: Sequence[Group]) -> dict[str, str]:
 
 def _values(results: Sequence[RunResult], groups: Sequence[Group], pairs: Sequence[Pair], notes: Sequence[str]) -> str:
     letters = _letters(groups)
-    return json.dumps(
+    return json_text(
         {
             "runs": [{**each.row, "digest": each.digest, "kind": letters.get(each.name)} for each in results],
             "kinds": [{**each.row, "label": each.label, "setting": each.runs[0].setting} for each in groups],

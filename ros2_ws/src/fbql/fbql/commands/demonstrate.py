@@ -7,7 +7,6 @@ The scripted instructor drives in the simulator in one process, as fast as possi
 from __future__ import annotations
 
 import argparse
-import json
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
@@ -27,7 +26,7 @@ from fbql_common.terminal.screen import trouble_with_terminal
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, register_observations, unused_observations
-from fbql.cli.output import LiveLine, complain, print_result, say, writing
+from fbql.cli.output import LiveLine, complain, json_text, print_result, say, writing
 from fbql.cli.parser import Parser, add_json_option, output_path, without_effect
 from fbql.cli.places import command_text, new_path
 from fbql.cli.words import counted
@@ -148,7 +147,7 @@ def _report(
     say(f"{counted(len(demonstrations), 'demonstration')}, {counted(patterns, 'pattern')}: {path}")
     if arguments.json:
         result = {"demonstrations": len(demonstrations), "patterns": patterns, "path": str(path), **(more or {})}
-        print_result(json.dumps(result))
+        print_result(json_text(result))
     else:
         observations = [word for each in arguments.observation for word in ("--observation", each)]
         words = [behavior, "--demos", str(path), *observations]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -31,7 +30,7 @@ from fbql_fusion.core.controllers.parameters import SessionParameters
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, register_observations, unused_observations
-from fbql.cli.output import complain, print_result, say, warn, writing
+from fbql.cli.output import complain, json_text, print_result, say, warn, writing
 from fbql.cli.parser import Parser, add_json_option, add_parameter_options, output_path, without_effect
 from fbql.cli.places import command_text, new_path
 from fbql.cli.words import counted, percent
@@ -159,7 +158,7 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
         result |= {"commands": read.commands, "dropped": read.dropped, "clamped": read.clamped}
         result["training_rmse"] = axis_rmse(made.tree, patterns)
     notes = _drops(task.bags.read) if task.bags else ()
-    print_result(json.dumps(result) if arguments.json else "\n".join([_words(result, notes), *_skill_words(skill)]))
+    print_result(json_text(result) if arguments.json else "\n".join([_words(result, notes), *_skill_words(skill)]))
     if not arguments.json:
         for line in _next_steps(path, request.behavior, arguments.observation, task.bags is not None):
             say(line)

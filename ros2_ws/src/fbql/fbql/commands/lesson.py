@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
 from fbql_common.core.errors import BadInput
@@ -11,7 +10,7 @@ from fbql_common.core.text import one_line
 
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import complain, print_result, say
+from fbql.cli.output import complain, json_text, print_result, say
 from fbql.cli.parser import Parser, add_json_option, without_effect
 from fbql.cli.places import command_text
 from fbql.course.lessons import CHECKS, check, text_of
@@ -43,13 +42,13 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
         for note in without_effect(arguments, ["work"], "without --check"):
             complain(note)
         text = text_of(arguments.number).rstrip()
-        print_result(json.dumps({"lesson": arguments.number, "text": text}) if arguments.json else text)
+        print_result(json_text({"lesson": arguments.number, "text": text}) if arguments.json else text)
         return DONE
     if arguments.number is None:
         raise BadInput(f"which lesson? {command_text('lesson')} N --check ANSWER")
     verdict = check(arguments.number, arguments.check, arguments.work)
     if arguments.json:
-        print_result(json.dumps({"lesson": arguments.number, "right": verdict.right, "line": verdict.line}))
+        print_result(json_text({"lesson": arguments.number, "right": verdict.right, "line": verdict.line}))
     elif verdict.right:
         print_result(one_line(f"Right: {verdict.line}."))
         if arguments.number < max(CHECKS):

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 
 from fbql_behaviors.core.recipes import RECIPES
 from fbql_behaviors.shipped import shipped_trees
@@ -15,7 +14,7 @@ from fbql_common.files import output_directory
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import print_result, say, writing
+from fbql.cli.output import json_text, print_result, say, writing
 from fbql.cli.parser import Parser, add_json_option, output_path
 from fbql.demonstrations.make_tree import make_tree
 
@@ -45,5 +44,5 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
             made[behavior] = {"leaves": tree.leaf_count, "sha256": tree.hash, "path": str(path)}
             say(f"{behavior}: {tree.leaf_count} leaves, {path}")
     if arguments.json:
-        print_result(json.dumps(made))
+        print_result(json_text(made))
     return DONE

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from contextlib import closing
 from pathlib import Path
 from time import monotonic
@@ -16,7 +15,7 @@ from fbql_recording.recovery.recover import Recovery, recover
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import LiveLine, print_result
+from fbql.cli.output import LiveLine, json_text, print_result
 from fbql.cli.parser import Parser, output_path
 
 
@@ -59,7 +58,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
                 f"{error.filename}: cannot be written ({error.strerror}); nothing was written; {remedy(error)}"
             )
             return FAILED
-    print_result(json.dumps(_values(found, monotonic() - begun_s)) if arguments.json else _words(found))
+    print_result(json_text(_values(found, monotonic() - begun_s)) if arguments.json else _words(found))
     return DONE if found.is_complete or arguments.allow_incomplete else INCOMPLETE
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -17,7 +16,7 @@ from fbql_recording.tables import FORMATS, write_episodes, write_steps
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import LiveLine, print_result, warn, writing
+from fbql.cli.output import LiveLine, json_text, print_result, warn, writing
 from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path
 from fbql.report.mux import write_mux_page
 from fbql.report.page import write_page
@@ -61,7 +60,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
             raise BadInput(f"{path} exists; --force replaces it, --out FILE writes elsewhere")
     result = _write(run, out, figures, interrupts)
     warn(run.warnings)
-    print_result(json.dumps(result) if arguments.json else _words(result))
+    print_result(json_text(result) if arguments.json else _words(result))
     return DONE if arguments.allow_incomplete or run.is_complete else INCOMPLETE
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from contextlib import closing
 from functools import partial
 from importlib import import_module
@@ -15,7 +14,7 @@ from fbql_recording.core.metrics import EpisodeRecord
 
 from fbql.cli.exit_codes import DONE, INCOMPLETE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import LiveLine, complain, print_result, writing
+from fbql.cli.output import LiveLine, complain, json_text, print_result, writing
 from fbql.cli.parser import Parser
 from fbql.match.in_process import play_match, status_of
 from fbql.match.options import match_from, match_parser, policy_summary
@@ -65,7 +64,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
             f"ended by {interrupts.name}{shortfall and f' after {shortfall}'}; what was played until then is complete"
         )
     text = summary_text(values, match.out, match.simulation.dt_s, policy_summary(match), asked)
-    print_result(json.dumps(values) if arguments.json else text)
+    print_result(json_text(values) if arguments.json else text)
     return INCOMPLETE if summary.incomplete else DONE
 
 

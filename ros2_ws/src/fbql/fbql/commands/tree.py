@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from math import degrees, isfinite, radians
@@ -25,7 +24,7 @@ from fbql_common.files import output_directory, read_file, write_atomically
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, register_observations, unused_observations
-from fbql.cli.output import complain, print_result, say, writing
+from fbql.cli.output import complain, json_text, print_result, say, writing
 from fbql.cli.parser import Parser, output_path
 from fbql.cli.words import counted
 
@@ -80,7 +79,7 @@ def _explain(arguments: argparse.Namespace) -> int:
     if arguments.json:
         every = rules(tree)
         leaves = [{"leaf_id": k, "rule": every[k].sentence, "motion": every[k].what, **_leaf(tree, k)} for k in chosen]
-        print_result(json.dumps({"behavior": tree.behavior, "sha256": tree.hash, "leaves": leaves}))
+        print_result(json_text({"behavior": tree.behavior, "sha256": tree.hash, "leaves": leaves}))
     elif arguments.at is not None:
         print_result(f"leaf {chosen[0]}: {rules(tree)[chosen[0]].sentence}")
     else:
@@ -148,7 +147,7 @@ def _change(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> int:
     tree = _load(arguments)
     if arguments.json:
-        print_result(json.dumps({"behavior": tree.behavior, "leaves": tree.leaf_count, "sha256": tree.hash}))
+        print_result(json_text({"behavior": tree.behavior, "leaves": tree.leaf_count, "sha256": tree.hash}))
     else:
         print_result(one_line(f"{arguments.file}: sound. {_summary(tree)}"))
     return DONE

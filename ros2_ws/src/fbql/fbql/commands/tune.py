@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from contextlib import closing
 from dataclasses import replace
 from importlib import import_module
@@ -23,7 +22,7 @@ from fbql_common.files import output_directory, write_atomically
 
 from fbql.cli.exit_codes import DONE
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import LiveLine, print_result, writing
+from fbql.cli.output import LiveLine, json_text, print_result, writing
 from fbql.cli.parser import Parser, add_json_option, add_parameter_options, output_path
 from fbql.cli.places import new_path
 from fbql.cli.words import counted
@@ -79,7 +78,7 @@ def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
             "tuned_from": tree.hash,
         }
     )
-    print_result(json.dumps(result) if arguments.json else _words(result))
+    print_result(json_text(result) if arguments.json else _words(result))
     return DONE
 
 

@@ -8,7 +8,6 @@ fast replay does not outrun its subscribers.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import tempfile
 from collections.abc import Generator, Iterable, Iterator
@@ -36,7 +35,7 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
 
 from fbql.cli.interrupts import Interrupts
-from fbql.cli.output import LiveLine, complain, output_aside, print_result, say, warn
+from fbql.cli.output import LiveLine, complain, json_text, output_aside, print_result, say, warn
 from fbql.graph.domains import MAX_DOMAIN_ID, free_domain
 from fbql.replay.recomputation import recorded_trees
 from fbql.replay.topics import ReplayViews, class_of, qos_of
@@ -84,7 +83,7 @@ def republish_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupt
         replayed = replay.report()
         if arguments.json:
             found = {"domain": domain_id, "topics": stage.names, "left_out": stage.left_out, **replayed}
-            print_result(json.dumps({**found, "complete": run.is_complete}))
+            print_result(json_text({**found, "complete": run.is_complete}))
     return 0
 
 

@@ -7,7 +7,6 @@ garbage in the padding, which does not count as a difference.
 from __future__ import annotations
 
 import argparse
-import json
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import closing
@@ -32,7 +31,7 @@ from fbql_recording.run_directory import own_revision, software_versions
 from fbql.cli.exit_codes import DONE, FAILED
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import register_observations, unused_observations
-from fbql.cli.output import LiveLine, complain, print_result
+from fbql.cli.output import LiveLine, complain, json_text, print_result
 from fbql.replay.differences import Difference, Differs, Verification, compared
 from fbql.replay.mux_verification import verify_mux
 from fbql.replay.recomputation import (
@@ -290,7 +289,7 @@ def _report(
         notes += changed_software(run, own_revision(), software_versions())
     if arguments.json:
         values = _values(run, found, difference, notes, seconds)
-        print_result(json.dumps({**values, "decisions_not_recomputed": lost or None}))
+        print_result(json_text({**values, "decisions_not_recomputed": lost or None}))
     else:
         print_result(_words(found, difference, missing, lost, notes, seconds))
     return DONE if difference is None else FAILED

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import json
 from collections.abc import Generator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict
@@ -29,7 +28,7 @@ from fbql_recording.run import Run
 
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import register_observations, unused_observations
-from fbql.cli.output import LiveLine, complain, print_result, writing
+from fbql.cli.output import LiveLine, complain, json_text, print_result, writing
 from fbql.match.options import errors_name_options, parse_value, similar
 from fbql.replay.recomputation import recorded_parameters, recorded_playing_trees, recorded_policy
 from fbql.replay.what_if import Compared, DifferenceTally, Tallies, compare_steps
@@ -86,7 +85,7 @@ def what_if_run(run: Run, arguments: argparse.Namespace, interrupts: Interrupts)
     if arguments.json:
         values = {"changed": changes, "trees": {name: each.tree.hash for name, each in behaviors.items()}}
         episodes = [each.values for each in tallies.episodes]
-        print_result(json.dumps({**values, **tallies.whole.values, "episodes": episodes, "notes": notes}))
+        print_result(json_text({**values, **tallies.whole.values, "episodes": episodes, "notes": notes}))
     else:
         print_result(as_lines([f"what if: {title}", *_words(tallies.whole), *_rows(tallies), *notes]))
     return 0
