@@ -16,6 +16,7 @@ from fbql_behaviors.core.induction import InductionParameters
 from fbql_behaviors.core.teleop import TeleopParameters
 from fbql_behaviors.twist_behavior_node import TwistBehaviorParameters
 from fbql_common.core.parameters import Limits, defaults_of, limits_of, types_of
+from fbql_common.files import write_atomically
 from fbql_fusion.core.mux.parameters import (
     AxisParameters,
     LearnedMuxParameters,
@@ -168,5 +169,5 @@ def _cell(text: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page())
+    write_atomically(PAGE, page().encode())
     print(f"wrote {PAGE}")

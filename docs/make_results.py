@@ -21,13 +21,13 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import sys
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from fbql.statistics.tables import Table, as_markdown
+from fbql_common.files import write_atomically
 from fbql_studies.runner.study import STUDIES, study_of
 
 HERE = Path(__file__).resolve().parent
@@ -44,12 +44,12 @@ def take(directory: Path) -> None:
     study = json.loads((directory / "config.json").read_text())["study"]
     found = json.loads((directory / "table.json").read_text())
     kept = {name: found[name] for name in KEPT}
-    (DATA / f"{study}.json").write_text(f"{json.dumps(kept, indent=1)}\n")
+    write_atomically(DATA / f"{study}.json", f"{json.dumps(kept, indent=1)}\n".encode())
     if (directory / "curves.json").exists():
-        shutil.copyfile(directory / "curves.json", DATA / f"{study}_curves.json")
+        write_atomically(DATA / f"{study}_curves.json", (directory / "curves.json").read_bytes())
     else:
         for figure in directory.glob("*.svg"):
-            shutil.copyfile(figure, IMAGES / figure.name)
+            write_atomically(IMAGES / figure.name, figure.read_bytes())
 
 
 def results_page(study: str) -> str:
@@ -163,6 +163,6 @@ if __name__ == "__main__":
         take(Path(argument))
     RESULTS.mkdir(exist_ok=True)
     for path, text in pages().items():
-        path.write_text(text)
+        write_atomically(path, text.encode())
         print(f"wrote {path}")
     print("\n".join(f"wrote {file}" for file in draw()))

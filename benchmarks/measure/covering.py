@@ -37,6 +37,8 @@ LEAST_S, FACTOR = 10.0, 5.0
 
 START_S = 0.7
 """CPU time that a module takes before its tests."""
+ROOM_BYTES = 64 << 20
+"""Room that the private copy, and the tests in it, have at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +150,12 @@ class Suite:
         self._process.stdin.write(json.dumps(request) + "\n")
         self._process.stdin.flush()
         line = self._process.stdout.readline()
+        answer = json.loads(line) if line else {"code": None}
+        if answer["code"] not in (PASSED, NO_TESTS):
+            _check_room(self.place)  # for want of it a test fails with any change
         if not line:
             raise BadInput(f"the process that runs the tests ended with {self._process.wait()}")
-        return json.loads(line)
+        return answer
 
 
 def _module(path: str, tests: Mapping[str, Mapping[str, Any]]) -> Module:
@@ -177,6 +182,7 @@ def private_suite() -> Iterator[Suite]:
     """A suite in a copy of sources and tests, with links to everything else."""
     with tempfile.TemporaryDirectory(prefix="mutants-") as name:
         place = Path(name).resolve()
+        _check_room(place)
         ignored = shutil.ignore_patterns("__pycache__", ".hypothesis", "node_modules")
         shutil.copytree(ROOT / SOURCES, place / SOURCES, ignore=ignored)
         shutil.copytree(ROOT / "tests", place / "tests", ignore=ignored)
@@ -191,6 +197,15 @@ def private_suite() -> Iterator[Suite]:
                 yield Suite(place, process)
             finally:
                 process.terminate()
+
+
+def _check_room(place: Path) -> None:
+    """Raises OSError where the disk of a private copy is full, or nearly."""
+    try:
+        with tempfile.TemporaryFile(dir=place) as file:
+            os.posix_fallocate(file.fileno(), 0, ROOM_BYTES)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(place.parent)) from None
 
 
 def environment(place: Path) -> dict[str, str]:

@@ -25,6 +25,7 @@ import signal
 import sys
 from collections import defaultdict
 from collections.abc import Generator
+from errno import EDQUOT, ENOSPC
 from pathlib import Path
 from sys import monitoring
 from tempfile import TemporaryDirectory
@@ -70,7 +71,13 @@ def main() -> None:
     # Without shrinking: only whether a test fails matters.
     settings.register_profile(PROFILE, deadline=None, phases=[Phase.explicit, Phase.generate], database=None)
     for line in sys.stdin:
-        print(json.dumps(_answer(json.loads(line))), flush=True)
+        try:
+            answer = _answer(json.loads(line))
+        except OSError as error:
+            if error.errno not in (ENOSPC, EDQUOT):
+                raise
+            sys.exit(1)  # whoever asks says so
+        print(json.dumps(answer), flush=True)
 
 
 def _answer(request: dict[str, Any]) -> dict[str, Any]:

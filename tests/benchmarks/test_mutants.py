@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import resource
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import pytest
+from file_limit import largest_file
 from places import ROOT
 
 SOURCE = '''"""A text with 1 < 2 in it."""
@@ -178,6 +181,36 @@ def test_tests_that_fail_without_a_change_end_the_study(
     assert measured.main(["--runs", "1", "--out", str(checkout / "out.jsonl")]) == 2
     assert "test_numbers.py::test_second_use does not pass without a change either" in capsys.readouterr().err
     assert measured.main(["--runs", "0"]) == 2
+
+
+def test_without_room_for_the_tests_no_mutant_counts_as_noticed(
+    measured: Any, checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The disk runs full after the tests have passed without a change."""
+    from measure import covering
+
+    def fill(suite: Any, *arguments: Any) -> None:
+        run_unchanged(suite, *arguments)
+        resource.prlimit(suite._process.pid, resource.RLIMIT_FSIZE, (10, 10))
+        monkeypatch.setattr(covering, "ROOM_BYTES", 1 << 60)
+
+    run_unchanged = covering.Suite.run_unchanged
+    monkeypatch.setattr(covering.Suite, "run_unchanged", fill)
+    out = checkout / "out.jsonl"
+    assert measured.main(["--runs", "3", "--out", str(out)]) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert [line for line in said if line.startswith("mutants.py: ")] == said[-1:]
+    assert f"{tempfile.gettempdir()}: cannot be written" in said[-1]
+    assert not out.exists()
+
+
+def test_a_full_disk_is_one_line_before_anything_is_tried(
+    measured: Any, checkout: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with largest_file(1000):
+        assert measured.main(["--runs", "3", "--out", str(checkout / "out.jsonl")]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"mutants.py: {tempfile.gettempdir()}: cannot be written (File too large)")
 
 
 def test_every_core_has_mutants_and_listed_equivalents_are_among_them(measured: Any) -> None:

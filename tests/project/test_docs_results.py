@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from fbql_studies.runner.study import STUDIES, study_of
+from file_limit import largest_file
 from places import ROOT
 
 DOCS = ROOT / "docs"
@@ -99,6 +100,17 @@ def test_a_study_is_taken_without_the_places_of_the_machine_that_it_ran_on(
     (tmp_path / "curves.json").write_text("{}")
     functions["take"](tmp_path)
     assert (tmp_path / "DATA" / "ladder_curves.json").read_text() == "{}"
+
+
+def test_a_full_disk_leaves_what_was_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    functions = generator()["take"].__globals__
+    monkeypatch.setitem(functions, "DATA", tmp_path)
+    (tmp_path / "config.json").write_text('{"study": "ladder"}')
+    (tmp_path / "table.json").write_text(json.dumps(dict.fromkeys(functions["KEPT"], "x" * 1000)))
+    (tmp_path / "ladder.json").write_text("as it was")
+    with largest_file(500), pytest.raises(OSError, match="File too large"):
+        functions["take"](tmp_path)
+    assert (tmp_path / "ladder.json").read_text() == "as it was"
 
 
 @pytest.mark.parametrize("study", MEASURED)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fbql_common.core.errors import BadInput
+from fbql_common.files import write_atomically
 
 from fbql_recording.core.decoding import TYPES, MessageCodec
 
@@ -139,4 +140,4 @@ def _installed(package: str) -> Path:
 
 
 if __name__ == "__main__":
-    _MESSAGES.write_text(json.dumps(definitions_in(_installed), indent=1) + "\n", encoding="utf-8")
+    write_atomically(_MESSAGES, (json.dumps(definitions_in(_installed), indent=1) + "\n").encode())
