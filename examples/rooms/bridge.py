@@ -23,7 +23,7 @@ from fbql_common.watch import steady_timer
 from fbql_common.wire import MESSAGES, decode_mux_decision, decode_twist, encode_outcome
 from fbql_studies.rooms.learned import PENALTY, REWARD
 from fbql_studies.rooms.maps import FAMILIES, room_of
-from fbql_studies.rooms.play import End, end_of, outcome_of
+from fbql_studies.rooms.play import COLLISION, SUCCESS, End, end_of, outcome_of
 from fbql_studies.rooms.robot import PERIOD_S, Reading
 from fbql_studies.rooms.worlds import IrSimWorld, TwinWorld
 from geometry_msgs.msg import Vector3Stamped
@@ -39,6 +39,8 @@ _LOOK_S = 1.0
 """A step that has taken this long is sent again."""
 _PATIENCE = 30
 """How often in a row."""
+_SAY_EVERY = 20
+"""Rooms."""
 
 
 @dataclass(frozen=True)
@@ -181,6 +183,8 @@ class Bridge(GraphNode):
         self.ends.append(end_of(self._room, reading))
         self._write_trail()
         if len(self.ends) < self._parameters.episodes:
+            if len(self.ends) % _SAY_EVERY == 0:
+                self.get_logger().info(f"room {len(self.ends)}; the last {self._told(self.ends[-_SAY_EVERY:])}")
             self._begin()
         else:
             self.finish()
@@ -193,10 +197,11 @@ class Bridge(GraphNode):
                 file.write(head + "".join(self._trail))
         self._trail.clear()
 
+    def _told(self, ends: Sequence[End]) -> str:
+        outcomes = [end.outcome for end in ends]
+        reached, collided = outcomes.count(SUCCESS), outcomes.count(COLLISION)
+        return f"{counted(len(ends), 'room')}: {counted(reached, 'goal')} reached, {counted(collided, 'collision')}"
+
     def close(self) -> None:
         """Says how it went."""
-        reached = sum(end.outcome == "success" for end in self.ends)
-        collided = sum(end.outcome == "collision" for end in self.ends)
-        self.get_logger().info(
-            f"{counted(len(self.ends), 'room')}: {counted(reached, 'goal')} reached, {counted(collided, 'collision')}"
-        )
+        self.get_logger().info(self._told(self.ends))

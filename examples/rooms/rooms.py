@@ -54,6 +54,8 @@ def parser():
 
 def drive(options: argparse.Namespace) -> int:
     """Plays or trains. Returns the exit code."""
+    from fbql.cli.exit_codes import DONE
+    from fbql.cli.output import print_result
     from fbql.graph.domains import domain_from, free_domain
     from fbql_behaviors.twist_behavior_node import TwistBehaviorNode
     from fbql_common.spin import spin
@@ -83,6 +85,7 @@ def drive(options: argparse.Namespace) -> int:
     if options.policy:
         parameters["twist_mux"]["policy"] = str(options.policy)
     words = ["--ros-args", "--disable-external-lib-logs", "--params-file", str(HERE / "mux.yaml")]
+    words += ["--log-level", "warn", "--log-level", "rooms:=info"]
     words += ["-r", "cmd_vel_out:=cmd_vel", "-r", f"twist_behavior:cmd_vel:={TREE}_vel"]
     for node, values in parameters.items():
         for name, value in values.items():
@@ -92,7 +95,10 @@ def drive(options: argparse.Namespace) -> int:
     nodes = [lambda: Bridge((*SOURCES, TREE)), *sources, TwistMuxNode, TwistBehaviorNode]
     with nullcontext(domain_from()) if domain_from() is not None else free_domain() as domain_id:
         os.environ["ROS_DOMAIN_ID"] = str(domain_id)
-        return spin(nodes, ["rooms.py", *words])
+        code = spin(nodes, ["rooms.py", *words])
+    if code == DONE:
+        print_result(f"run {options.out}")
+    return code
 
 
 def show(options: argparse.Namespace) -> int:

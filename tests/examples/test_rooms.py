@@ -65,6 +65,7 @@ def test_it_is_trained_in_lockstep_and_what_it_learned_is_played_in_irsim_and_dr
     played = rooms("play", "--episodes", "1", "--policy", "mux/policy.npz", "--out", "played")
     assert played.returncode == 0, played.stderr
     assert "1 room: " in played.stderr
+    assert played.stdout == "run played\n"
     summary = json.loads((tmp_path / "played" / "summary.json").read_text())
     with (tmp_path / "played" / "trails.csv").open() as file:
         trail = list(csv.DictReader(file))

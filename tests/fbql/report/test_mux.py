@@ -46,7 +46,8 @@ def test_the_command_writes_a_page_that_tells_how_it_went(
     summary = json.loads((recorded / "summary.json").read_text())
     assert (found["episodes"], found["steps"], found["complete"]) == (12, summary["steps"], True)
     page = out.read_text()
-    assert f"<b>{summary['successes']}</b> successes" in page
+    for name in ("successes", "failures", "timeouts"):
+        assert f"<b>{summary[name]}</b> {name}" in page
     assert summary["digest"] in page
     text = unescape(re.sub("<[^>]*>", " ", page))
     assert text.count("● success") == summary["successes"] + (summary["successes"] > 0), (

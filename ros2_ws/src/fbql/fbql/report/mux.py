@@ -140,12 +140,14 @@ def _tiles(episodes: list[DrivenEpisode]) -> str:
     steps, reached = sum(episode.steps for episode in episodes), outcomes[SUCCESS]
     ended = outcomes.total() - outcomes[NOT_AVAILABLE]
     rate = f"{percent(reached / ended)} of the episodes" if ended else ""
-    failures = [f"{html(name)}: {count}" for name, count in outcomes.items() if name not in (SUCCESS, NOT_AVAILABLE)]
+    others = (SUCCESS, TIMEOUT, NOT_AVAILABLE)
+    failures = [f"{html(name)}: {count}" for name, count in outcomes.items() if name not in others]
     return tiles_html(
         [
             ("episodes", f"{len(episodes)}", ""),
             ("successes", f"{reached}", rate),
-            ("failures", f"{ended - reached}", ", ".join(failures)),
+            ("failures", f"{ended - reached - outcomes[TIMEOUT]}", ", ".join(failures)),
+            ("timeouts", f"{outcomes[TIMEOUT]}", ""),
             ("decisions per success", f"{steps / reached:.0f}" if reached else NOT_AVAILABLE, "of all episodes"),
         ]
     )
