@@ -209,6 +209,15 @@ def test_a_directory_of_another_study_or_other_options_is_refused(
     assert captured.out == ""
 
 
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"study": ' + "9" * 5000 + "}", "\x00", ""], ids=str.__len__)
+def test_a_config_that_is_none_is_refused(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "out" / "tasks").mkdir(parents=True)
+    write_result(tmp_path / "out", "draw0", {"value": 1.0})
+    (tmp_path / "out" / "config.json").write_text(text)
+    assert main(arguments(tmp_path, "--seeds", "2")) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
 def test_a_study_that_did_nothing_leaves_its_directory_to_another(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -385,7 +394,7 @@ def test_a_torn_result_counts_as_not_done(tmp_path: Path) -> None:
     with Store(tmp_path, {}) as store:
         write_result(tmp_path, "a", {"value": 1})
         assert store.result_of("a") == {"value": 1}
-        for torn in ('{"val', "", "{}", "[1]", "null"):
+        for torn in ('{"val', "", "{}", "[1]", "null", "[" * 100_000, '{"value": NaN}'):
             (tmp_path / "tasks" / "a.json").write_text(torn)
             assert store.result_of("a") is None
         write_failure(tmp_path, "a", "reason")

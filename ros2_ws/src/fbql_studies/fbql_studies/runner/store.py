@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import Any
 
 from fbql_common.core.errors import BadInput
+from fbql_common.core.plain_json import json_from
 from fbql_common.files import output_directory, remedy, write_atomically
 
 from fbql_studies.runner.study import Result
@@ -107,7 +108,7 @@ class Store:
     def result_of(self, key: str) -> Result | None:
         """A task's result; None when it is not done. A file that can't be read or holds no result counts as not done."""
         try:
-            found = json.loads(_result_path(self.directory, key).read_bytes())
+            found = json_from(_result_path(self.directory, key).read_bytes())
             return found if isinstance(found, dict) and found else None
         except (OSError, ValueError):
             return None
@@ -144,7 +145,7 @@ def _others_in(directory: Path) -> set[str]:
 def _parsed(text: str) -> Any:
     """The value of a JSON text; None where it is not JSON."""
     try:
-        return json.loads(text)
+        return json_from(text.encode())
     except ValueError:
         return None
 
