@@ -155,6 +155,15 @@ def test_shared_memory_that_can_be_used_is_no_problem(tmp_path: Path) -> None:
         assert shared_memory_problem(tmp_path) == ""
 
 
+def test_a_ros_program_that_just_starts_is_no_problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It holds the lock of a port that it is about to make."""
+    (tmp_path / "fastrtps_port7003_el").touch()
+    monkeypatch.setattr(middleware, "sleep", lambda _: (tmp_path / "fastrtps_port7003").write_bytes(bytes(50_000)))
+    with (tmp_path / "fastrtps_port7003_el").open() as starting:
+        fcntl.flock(starting, fcntl.LOCK_EX)
+        assert shared_memory_problem(tmp_path) == ""
+
+
 @pytest.mark.parametrize("kind", ["absent", "a file", "full", "another user's", "locked"])
 def test_shared_memory_that_cannot_be_used_is_told_in_a_line(
     tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
@@ -168,6 +177,7 @@ def test_shared_memory_that_cannot_be_used_is_told_in_a_line(
         (place / "fastrtps_port7003_el").touch()
         monkeypatch.setattr(os, "access", lambda *_: False)
     if kind == "locked":
+        monkeypatch.setattr(middleware, "MAKING_S", 0.05)
         (place / "fastrtps_port7003_el").touch()
         foreign = (place / "fastrtps_port7003_el").open()
         fcntl.flock(foreign, fcntl.LOCK_EX)

@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
+from time import monotonic, sleep
 
 from ament_index_python import get_resources
 
@@ -23,6 +24,8 @@ from fbql_common.files import is_locked
 
 SEARCH_S = 5.0
 """How long a host may be looked for [s]."""
+MAKING_S = 1.0
+"""How long a ROS program that starts may hold the lock of a port of shared memory before the port is there [s]."""
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """Variables that name a Fast DDS profile file; which one is read depends on its version."""
@@ -115,10 +118,20 @@ def shared_memory_problem(directory: Path = _SHARED_MEMORY) -> str:
     foreign = [path.name for path in directory.glob("fastrtps_port*") if _is_denied(path)]
     if foreign:
         return f"shared memory can't be used: {directory}/{foreign[0]} belongs to another user; {mend}"
-    locked = [path.name for path in directory.glob("fastrtps_port*_el") if _is_stale_lock(path)]
+    locked = next((path.name for path in sorted(directory.glob("fastrtps_port*_el")) if _stays_locked(path)), "")
     if locked:
-        return f"shared memory can't be used: {directory}/{locked[0]} is locked, and not by a ROS program; {mend}"
+        return f"shared memory can't be used: {directory}/{locked} is locked, and not by a ROS program; {mend}"
     return ""
+
+
+def _stays_locked(path: Path) -> bool:
+    """Whether the lock file of a port is held without a port for longer than a ROS program takes to make one."""
+    deadline = monotonic() + MAKING_S
+    while _is_stale_lock(path):
+        if monotonic() > deadline:
+            return True
+        sleep(0.05)
+    return False
 
 
 def _is_stale_lock(path: Path) -> bool:
