@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from fbql_common.wire import decode_mux_decision
@@ -19,6 +20,7 @@ from fbql_studies.rooms.maps import room_of
 from fbql_studies.rooms.robot import RANGE_M, SPACE
 from fbql_studies.rooms.sources import SECTORS_DEG
 from fbql_studies.rooms.tree_source import sources_with_tree
+from fbql_studies.rooms.worlds import TwinWorld
 from places import ROOT
 
 SOURCES = sources_with_tree()
@@ -85,17 +87,30 @@ def test_it_is_trained_in_lockstep_and_what_it_learned_is_played_in_irsim_and_dr
     assert summary["digest"] in page
 
 
-def test_by_priorities_every_decision_is_that_of_the_rules_in_the_file(rooms, tmp_path: Path) -> None:
+def test_every_decision_is_made_on_the_sensors_and_commands_of_its_own_step_and_by_the_priorities_of_the_file(
+    rooms, tmp_path: Path
+) -> None:
     played = rooms("play", "--episodes", "1", "--world", "twin", "--out", "by_priorities")
     assert played.returncode == 0, played.stderr
     run = open_run(tmp_path / "by_priorities")
+    decisions = [decode_mux_decision(message.data) for message in run.messages(["/fusion/decision"])]
     names = list(run.parameters[NODE]["observations"])
-    for message in run.messages(["/fusion/decision"]):
-        decision = decode_mux_decision(message.data)
-        near = decision.observed[names.index("near")]
+    world = TwinWorld()
+    reading = world.reset(room_of("traps", 50_000))
+    for decision in decisions:
+        seen = reading.ranges.astype(np.float32).astype(np.float64)  # a LaserScan has 32 bits a range
+        heard = (seen, reading.goal_distance_m, reading.goal_bearing_rad)
+        assert decision.commands == tuple(x for name in decision.behaviors for x in SOURCES[name](*heard)), (
+            decision.step
+        )
+        near = seen[24:49].min()
+        observed = dict(zip(names, decision.observed, strict=True))
+        assert (observed["goal_distance"], observed["near"]) == (reading.goal_distance_m, near)
         if not (decision.terminated or decision.truncated):
             expected = "back" if near <= 0.3 else "wall_left" if near <= 0.9 else "goal"
-            assert decision.behaviors[decision.driver] == expected, decision
+            assert decision.behaviors[decision.driver] == expected
+            reading = world.step(*decision.command)
+    assert reading.terminated or reading.truncated
     assert verified(tmp_path / "by_priorities")
 
 
