@@ -84,6 +84,13 @@ def test_elements_that_are_no_number_are_left_out() -> None:
     assert isnan(read("ranges[3:].min", message))
 
 
+def test_the_mean_of_both_infinities_is_no_number_and_that_of_the_largest_numbers_is_one() -> None:
+    message = Message(ranges=np.array([inf, -inf, 1.0, 1.5e308, 1.7e308]))
+    assert isnan(read("ranges[0:3].mean", message))
+    assert (read("ranges[1:3].mean", message), read("ranges[0:1,2:3].mean", message)) == (-inf, inf)
+    assert read("ranges[3:5].mean", message) == 1.6e308
+
+
 def test_inf_stays_unless_it_counts_as_something() -> None:
     message = Message(ranges=np.array([inf, inf, 2.0]), speed=inf)
     assert (read("ranges[0:2].min", message), read("ranges[:].min", message)) == (inf, 2.0)

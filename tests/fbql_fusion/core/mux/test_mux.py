@@ -87,6 +87,14 @@ def test_a_source_with_a_timeout_is_expired_before_its_first_message_and_one_wit
     assert not mux_of(("high", 0.0, 20), ("low", 0.5, 10)).hear(1, GO, 0)
 
 
+@pytest.mark.parametrize(("timeout_s", "drives"), [(1e308, True), (-1e308, False)])
+def test_a_timeout_may_be_of_any_size(timeout_s: float, drives: bool) -> None:
+    mux = mux_of(("high", timeout_s, 20), ("low", 0.5, 10), locks=(("stop", timeout_s, 5),))
+    assert mux.hear(1, GO, 0) is drives, "above 0 it has expired before its first message, else it never expires"
+    mux.hear(0, GO, 1)
+    assert not mux.hear(1, GO, 10**18)
+
+
 def test_a_lock_with_a_timeout_is_on_before_its_first_message_and_one_without_is_off() -> None:
     assert not mux_of(("low", 0.5, 10), locks=(("stop", 0.5, 20),)).hear(0, GO, 0)
     assert mux_of(("low", 0.5, 10), locks=(("stop", 0.0, 20),)).hear(0, GO, 0)

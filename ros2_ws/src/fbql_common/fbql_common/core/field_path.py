@@ -4,7 +4,7 @@
 
 A path names fields, with [i] for an element of an array and [a:b] for a slice, as in Python; several slices, divided by
 commas, count as one array. It ends at a number; at min, mean or max of an array; or at yaw of a quaternion [rad]. Elements
-that are not a number (NaN) are left out of min, mean and max.
+that are not a number (NaN) are left out of min, mean and max; the mean of elements among which are both infinities is NaN.
 
 It works on any object with the fields of a ROS message, whichever library made it.
 """
@@ -30,7 +30,12 @@ Slice = tuple[int | None, int | None]
 
 
 def _mean(values: list[float]) -> float:
-    return fsum(values) / len(values)
+    try:
+        return fsum(values) / len(values)
+    except ValueError:  # of both infinities
+        return nan
+    except OverflowError:
+        return 2.0 * fsum(x / 2.0 / len(values) for x in values)
 
 
 REDUCTIONS: dict[str, Callable[[list[float]], float]] = {"min": min, "mean": _mean, "max": max}

@@ -12,6 +12,8 @@ from fbql_fusion.core.mux.parameters import NEVER, REPEAT, LockParameters, MuxPa
 HIGHEST = 255
 """The highest priority; configured ones are clamped to 0 to this."""
 _NS = 1_000_000_000
+_LONGEST_S = 1e12
+"""Nothing is known for so long: a timeout above it counts as this [s]."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ def timeout_ns(entry: Source | Lock) -> int | None:
 
 
 def _ns(duration_s: float) -> int:
-    return int(duration_s * _NS)
+    return int(min(max(duration_s, -_LONGEST_S), _LONGEST_S) * _NS)
 
 
 def mux_config(

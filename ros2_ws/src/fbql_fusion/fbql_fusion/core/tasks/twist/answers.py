@@ -45,8 +45,8 @@ class SourceLeaves:
         """The class of a command."""
         leaf = 0
         for x, (low, per_unit, levels) in zip(command, self._axes, strict=True):
-            nearest = int((x - low) * per_unit + 0.5) if x > low else 0
-            leaf = leaf * levels + min(nearest, levels - 1)
+            nearest = int(min((x - low) * per_unit + 0.5, levels - 1)) if x > low else 0
+            leaf = leaf * levels + nearest
         return leaf
 
     def answer(self, command: Sequence[float] | None, active: bool = True) -> SourceAnswer:
