@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fbql_fusion.core import registry
-from fbql_fusion.core.controllers.parameters import CONTROLLERS
+from fbql_fusion.core.controllers.parameters import CONTROLLERS, MUX_CONTROLLERS
 
 SOURCE = '''"""A bandit: every behavior has a value, and the best one drives but for a share of random choices."""
 
@@ -77,10 +77,11 @@ def bandit(directory: Path) -> str:
 @contextmanager
 def only_ours() -> Iterator[None]:
     """Forgets the controllers that are registered within, as far as they were not before."""
-    before = list(CONTROLLERS)
+    before = set(CONTROLLERS)
     try:
         yield
     finally:
-        for name in set(CONTROLLERS) - set(before):
+        for name in set(CONTROLLERS) - before:
             del registry._registered[name]
             CONTROLLERS.remove(name)
+            MUX_CONTROLLERS.remove(name)

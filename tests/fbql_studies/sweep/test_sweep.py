@@ -10,6 +10,7 @@ import pytest
 from commands import sweep, train
 from fbql_common.core.errors import BadInput
 from fbql_studies.sweep import study
+from own_controller import bandit, only_ours
 from studies import tasks_of
 
 QUICK = ("--controller", "subsumption", "--episodes", "2", "--jobs", "2")
@@ -33,6 +34,24 @@ def test_there_is_a_task_for_every_combination_and_seed() -> None:
     assert played == [(seed, name, setting) for seed in (5, 6) for name in ("fbql", "uniform") for setting in settings]
     assert len({each.key for each in found}) == len(found)
     assert all(json.loads(json.dumps(each.parameters)) == each.parameters for each in found)
+
+
+def test_controllers_of_one_name_from_two_files_are_two_combinations_wherever_they_are_played(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        bandit(tmp_path / name)
+    with only_ours():
+        words = ("--seeds", "1", "--guided", "0", "--episodes", "1", "--max-steps", "2")
+        files = [f"{name}/bandit.py:Bandit" for name in ("first", "second")]
+        found = tasks_of(study, *words, *[word for file in files for word in ("--controller", file)])
+        monkeypatch.chdir("/")
+        rows = study.table({each.key: study.run(each.parameters) for each in found})
+    assert [(row["runs"], row["label"]) for row in rows] == [
+        (1, f"Bandit, controller_file {tmp_path / file}") for file in files
+    ]
 
 
 def test_a_value_that_is_a_list_is_one_value() -> None:

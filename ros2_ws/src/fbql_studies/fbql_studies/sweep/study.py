@@ -18,6 +18,7 @@ from fbql.statistics.tables import Row, Table, between, number, tabulate
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import Phase
 from fbql_common.files import write_atomically
+from fbql_fusion.controller_loading import resolve_controller
 
 from fbql_studies.runner.study import MOST_SEEDS, Result, StudyTask, add_count, check_counts
 
@@ -93,7 +94,8 @@ def _matches(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     played["trees"] = None if options.trees is None else str(options.trees.absolute())
     played["policy"] = options.policy if options.policy in (None, "none") else str(Path(options.policy).absolute())
     played["observation"] = [str(Path(each).absolute()) for each in options.observation]
-    for controller in dict.fromkeys(options.controller) or (None,):
+    controllers = [resolve_controller(each).source or each for each in options.controller]
+    for controller in dict.fromkeys(controllers) or (None,):
         values: dict[str, dict[str, None]] = {}
         for setting in options.set:
             found = values_of_setting(setting)
@@ -120,6 +122,8 @@ def run(parameters: dict[str, Any]) -> Result:
         "seed": parameters["seed"],
         "setting": {
             "controller": match.fusion.controller,
+            # Two files may have controllers of the same name.
+            **({"controller_file": match.controller_file} if match.controller_file else {}),
             **dict(each.split("=", 1) for each in parameters["match"]["set"]),
         },
         "counts": {
