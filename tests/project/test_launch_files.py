@@ -26,6 +26,15 @@ def test_a_launch_file_is_installed_where_ros2_launch_looks(file: Path) -> None:
     assert "generate_launch_description" in functions
 
 
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+def test_a_launch_file_gives_every_parameter_a_type(file: Path) -> None:
+    keywords = [node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.keyword)]
+    given = [node.value for node in keywords if node.arg == "parameters"]
+    values = [each for every in given for node in ast.walk(every) if isinstance(node, ast.Dict) for each in node.values]
+    # Launch reads the text of any other substitution as YAML: a behavior with the name on would be called true.
+    assert {ast.unparse(each).partition("(")[0] for each in values} <= {"ParameterValue"}
+
+
 def test_a_launched_match_has_the_digest_of_train(tmp_path: Path, domain: dict[str, str]) -> None:
     pytest.importorskip("launch.actions", reason="ROS launch is not among the wheels")
     code = """

@@ -7,6 +7,7 @@ from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition, UnlessCondition
 from launch.substitutions import EqualsSubstitution, LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -23,7 +24,12 @@ def generate_launch_description() -> LaunchDescription:
                 executable="behavior",
                 name=name,
                 output="screen",
-                parameters=[{"name": name, "tree_file": tree_file}],
+                parameters=[
+                    {
+                        "name": ParameterValue(name, value_type=str),
+                        "tree_file": ParameterValue(tree_file, value_type=str),
+                    }
+                ],
                 condition=UnlessCondition(ships),
             ),
         ]
