@@ -11,12 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from fbql_common.core.command_space import Axis, CommandSpace
 from fbql_fusion.core.guides.priorities import Priorities
+from fbql_fusion.core.mux.learned import Clock
 from fbql_fusion.core.mux_session import MuxSession
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.tasks.twist.answers import SourceLeaves
 from fbql_fusion.core.tasks.twist.moment import MuxMoment
 from fbql_fusion.core.tasks.twist.parameters import MuxLearningParameters
 from fbql_fusion.core.tasks.twist.task import MuxTask
+
+
+def at(now_ns: int, stamp_ns: int) -> Clock:
+    """A clock that stands still, for a tick of a mux that learns."""
+    return lambda: (now_ns, stamp_ns)
+
 
 SOURCES = {"down": -0.5, "up": 0.5}
 """The speed of each source [m/s], in alphabetical order, as a mux has them."""

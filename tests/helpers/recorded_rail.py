@@ -13,7 +13,7 @@ from fbql_fusion.core.mux.learning import description_of, session_of
 from fbql_fusion.core.mux.mux import Mux
 from fbql_fusion.mux_recorder import MuxRecorder
 from fbql_fusion.policy_storage import load_policy
-from rail import PERIOD_NS, SOURCES, Rail, Result
+from rail import PERIOD_NS, SOURCES, Rail, Result, at
 
 VALUES: dict[str, Any] = {
     "learn": True,
@@ -54,7 +54,7 @@ def record_rail(path: Path, episodes: int = 25, **changes: Any) -> Path:
                 if index == 0 or now_ns // PERIOD_NS % 7 > 3:
                     learned.hear(index, Twist(speed), now_ns)
             learned.hear_outcome(RobotOutcome(now_ns, *result))
-            for ticked in learned.tick(now_ns, now_ns):
+            for ticked in learned.tick(at(now_ns, now_ns)):
                 decision = ticked.decision
                 recorder.record_command(encode_twist(Twist(decision.command[0])), now_ns)
                 recorder.record_decision(encode_mux_decision(decision), now_ns)

@@ -127,9 +127,8 @@ class MuxLearning:
     # Decisions
 
     def _tick(self) -> None:
-        now_ns, stamp_ns = self._now_ns(), self._node.get_clock().now().nanoseconds
         try:
-            ticked = self.mux.tick(now_ns, stamp_ns)
+            ticked = self.mux.tick(lambda: (self._now_ns(), self._node.get_clock().now().nanoseconds))
         except BadInput as error:
             self._node.get_logger().error(one_line(error))
             self._node.finish(BAD_INPUT)
@@ -139,7 +138,7 @@ class MuxLearning:
             data = encode_mux_decision(each.decision)
             self._publisher.publish(data)
             if self.run is not None:
-                self.run.record_decision(data, stamp_ns)
+                self.run.record_decision(data, each.decision.stamp_ns)
         if self.mux.is_done:
             self._tick_timer.cancel()
             if self.run is not None:

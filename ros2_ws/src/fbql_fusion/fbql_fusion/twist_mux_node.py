@@ -138,6 +138,10 @@ class TwistMuxNode(GraphNode):
             if self._says_each:
                 self.get_logger().debug(one_line(f"{name}: last command passed on at {self._now_ns()}"))
         elif ticked.send is not None:
+            decision = ticked.decision
+            if not (decision.terminated or decision.truncated):
+                weighted = zip(decision.behaviors, decision.weights, strict=True)
+                self._note_driver(" + ".join([name for name, weight in weighted if weight > 0.0]))
             self._publish(self._stamp(ticked.send) if self._stamped else encode_twist(ticked.send))
 
     def _hear(self, index: int, twist: Twist) -> bool:

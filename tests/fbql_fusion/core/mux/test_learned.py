@@ -20,6 +20,7 @@ from fbql_fusion.core.mux.learning import MuxDescription, description_of, sessio
 from fbql_fusion.core.mux.mux import Mux
 from mux_oracle import STEP_NS, Event, random_schedule
 from places import ROOT
+from rail import at
 
 MS = 1_000_000
 PERIOD_NS = 100 * MS
@@ -101,15 +102,15 @@ def test_the_chosen_source_drives_until_the_next_tick_each_command_once() -> Non
     mux = two()
     assert not mux.hear(A, go(0.1), 0)
     assert not mux.hear(B, go(0.2), 0)
-    (ticked,) = mux.tick(1, 1)
+    (ticked,) = mux.tick(at(1, 1))
     assert (ticked.decision.driver, ticked.pass_on) == (B, B), (
         "the priority decides here, and the tick passes its last one on"
     )
     assert not mux.hear(A, go(0.1), 2)
     assert mux.hear(B, go(0.2), 2)
-    (ticked,) = mux.tick(3, 3)
+    (ticked,) = mux.tick(at(3, 3))
     assert (ticked.decision.driver, ticked.pass_on, ticked.send) == (B, None, None), "already passed on"
-    (ticked,) = mux.tick(3 + 500 * MS, 4)
+    (ticked,) = mux.tick(at(3 + 500 * MS, 4))
     assert ticked.decision.driver == -1, "both have expired"
     assert not mux.hear(A, go(0.1), 3 + 501 * MS), "nobody is chosen"
 
@@ -117,27 +118,27 @@ def test_the_chosen_source_drives_until_the_next_tick_each_command_once() -> Non
 def test_a_source_at_or_above_safety_priority_drives_whatever_is_chosen() -> None:
     mux = two()
     mux.hear(B, go(0.2), 0)
-    mux.tick(1, 1)
+    mux.tick(at(1, 1))
     assert mux.hear(JOYSTICK, go(0.9), 2)
     assert not mux.hear(B, go(0.2), 3)
-    (ticked,) = mux.tick(4, 4)
+    (ticked,) = mux.tick(at(4, 4))
     assert ticked.decision.overruled_by == "joystick"
     assert (ticked.decision.driver, ticked.pass_on, ticked.send) == (-1, None, None)
     assert ticked.decision.active == (False, False)
     assert not mux.hear(B, go(0.2), 5)
     later = 2 + 500 * MS + 1
     assert not mux.hear(B, go(0.3), later), "the joystick has expired, but nobody is chosen before the next tick"
-    (ticked,) = mux.tick(later, later)
+    (ticked,) = mux.tick(at(later, later))
     assert (ticked.decision.driver, ticked.pass_on) == (B, B)
 
 
 def test_a_lock_stops_the_chosen_source_at_once_and_masks_it_in_the_next_decision() -> None:
     mux = two()
     mux.hear(B, go(0.2), 0)
-    mux.tick(1, 1)
+    mux.tick(at(1, 1))
     mux._mux.hear_lock(0, on=True, now_ns=2)
     assert not mux.hear(B, go(0.2), 3)
-    (ticked,) = mux.tick(4, 4)
+    (ticked,) = mux.tick(at(4, 4))
     assert (ticked.decision.active, ticked.pass_on) == ((False, False), None)
     assert mux.hear(JOYSTICK, go(0.2), 5), "it stands above the lock"
     mux._mux.hear_lock(0, on=False, now_ns=6)
@@ -148,10 +149,10 @@ def test_what_a_source_said_while_a_lock_was_on_is_passed_on_by_a_later_tick_onl
     mux._mux.hear_lock(0, on=True, now_ns=0)
     mux.hear(B, go(0.2), 0)
     mux._mux.hear_lock(0, on=False, now_ns=1)
-    (ticked,) = mux.tick(500 * MS, 500 * MS)
+    (ticked,) = mux.tick(at(500 * MS, 500 * MS))
     assert ticked.pass_on == B
     mux.hear(A, go(0.2), 600 * MS)
-    (ticked,) = mux.tick(1101 * MS, 0)
+    (ticked,) = mux.tick(at(1101 * MS, 0))
     assert ticked.decision.driver == -1
 
 
@@ -159,9 +160,9 @@ def test_a_source_without_a_timeout_counts_as_silent_after_a_second() -> None:
     mux = made(described(topics(a=(0.0, 10), b=(0.5, 5)), controller="priorities"))
     mux.hear(A, go(0.1), 0)
     mux.hear(B, go(0.1), SILENT_NS)
-    (ticked,) = mux.tick(SILENT_NS, 1)
+    (ticked,) = mux.tick(at(SILENT_NS, 1))
     assert ticked.decision.active == (True, True)
-    (ticked,) = mux.tick(SILENT_NS + 1, 2)
+    (ticked,) = mux.tick(at(SILENT_NS + 1, 2))
     assert (ticked.decision.active, ticked.decision.driver) == ((False, True), 1)
 
 
@@ -169,11 +170,62 @@ def test_a_blend_is_sent_at_each_tick_and_nothing_is_passed_on() -> None:
     mux = two(controller="uniform")
     mux.hear(A, Twist(0.2, angular_z_rad_s=1.0), 0)
     mux.hear(B, Twist(0.4, angular_z_rad_s=-1.0), 0)
-    (ticked,) = mux.tick(1, 1)
+    (ticked,) = mux.tick(at(1, 1))
     assert ticked.send is not None
     assert ticked.send == pytest.approx(Twist(0.3))
     assert not mux.hear(A, go(0.1), 2)
     assert not mux.hear(B, go(0.1), 2)
+
+
+def test_a_robot_that_a_blend_drove_gets_a_zero_when_a_lock_stops_all_of_it_and_when_the_episode_ends() -> None:
+    mux = two(controller="uniform", zero_when_locked="once")
+    mux.hear(A, go(0.2), 0)
+    mux.hear(B, go(0.4), 0)
+    mux.tick(at(1, 1))
+    mux._mux.hear_lock(0, on=True, now_ns=2)
+    assert mux._mux.zero_due(2), "the lock stands above both"
+    mux._mux.hear_lock(0, on=False, now_ns=3)
+    mux.tick(at(3, 3))
+    mux.hear_outcome(SUCCESS)
+    (ticked,) = mux.tick(at(4, 4))
+    assert ticked.send == Twist()
+
+
+def test_a_lock_that_leaves_a_part_of_a_blend_does_not_interrupt_it() -> None:
+    lock = {"stop": {"topic": "/stop", "timeout": 0.0, "priority": 15}}
+    mux = made(described(topics(b=(0.5, 20), a=(0.5, 10)), lock, controller="uniform", zero_when_locked="repeat"))
+    mux.hear(0, go(0.2), 0)
+    mux.hear(1, go(0.4), 0)
+    mux.tick(at(1, 1))
+    mux._mux.hear_lock(0, on=True, now_ns=2)
+    assert not mux._mux.zero_due(2)
+    (ticked,) = mux.tick(at(3, 3))
+    assert ticked.send == Twist(0.2)
+
+
+def test_ages_are_those_after_what_is_learned_between_two_episodes() -> None:
+    for cut in (False, True):
+        mux = two(segment_s=0.1)
+        mux.has_episodes = not cut
+        now_ns = 0
+        mux.hear(B, go(0.2), now_ns)
+        mux.tick(lambda: (now_ns, now_ns))  # noqa: B023 - called at once
+        begin = mux.session.next_episode
+
+        def learn() -> tuple[int, int] | None:
+            nonlocal now_ns
+            now_ns += 501 * MS
+            return begin()  # noqa: B023 - called in this round
+
+        mux.session.next_episode = learn
+        now_ns = PERIOD_NS
+        mux.hear(A, go(0.3), now_ns)
+        if not cut:
+            mux.hear_outcome(SUCCESS)
+            mux.tick(lambda: (now_ns, now_ns))  # noqa: B023
+        last = mux.tick(lambda: (now_ns, now_ns))[-1]  # noqa: B023
+        assert (last.decision.episode, last.decision.stamp_ns) == (1, PERIOD_NS + 501 * MS)
+        assert (last.decision.active, last.pass_on) == ((False, False), None), "both have expired meanwhile"
 
 
 # Random schedules, against the rules stated a second time
@@ -227,7 +279,7 @@ def learned_over(seed: int) -> tuple[int, int, int]:
                 check(event.name, before, now_ns)
                 counts[1] += 1
         for _ in range(int(generator.integers(0, 3))):
-            for ticked in mux.tick(now_ns, now_ns):
+            for ticked in mux.tick(at(now_ns, now_ns)):
                 wins = mux_oracle.driver(schedule.config.sources, schedule.config.locks, before, now_ns)
                 is_safe = wins is not None and rank(sources[wins]) >= safety
                 assert ticked.decision.overruled_by == (wins if is_safe else "")
@@ -271,7 +323,7 @@ def killed(times: int) -> list[int]:
                     last[index] = now_ns
                     if mux.hear(index, go(0.3), now_ns):
                         ages.append(0)
-            for ticked in mux.tick(now_ns, now_ns):
+            for ticked in mux.tick(at(now_ns, now_ns)):
                 if ticked.pass_on is not None:
                     ages.append(now_ns - last[ticked.pass_on])
     assert max(ages) <= timeout_ns
@@ -289,20 +341,20 @@ def test_rewards_since_the_last_tick_add_up_and_an_end_closes_the_episode_at_the
     mux = two()
     mux.hear_outcome(RobotOutcome(0, 99.0))
     mux.hear(B, go(0.2), 0)
-    (ticked,) = mux.tick(1, 1)
+    (ticked,) = mux.tick(at(1, 1))
     assert ticked.decision.reward == 0.0, "nothing was decided before"
     mux.hear_outcome(RobotOutcome(0, 1.0))
     mux.hear_reward(0.5)
-    (ticked,) = mux.tick(2, 2)
+    (ticked,) = mux.tick(at(2, 2))
     assert (ticked.decision.episode, ticked.decision.step, ticked.decision.reward) == (0, 1, 1.5)
     mux.hear_reward(2.0)
     mux.hear_outcome(SUCCESS)
     mux.hear_reward(7.0)
-    (ticked,) = mux.tick(3, 3)
+    (ticked,) = mux.tick(at(3, 3))
     assert (ticked.decision.reward, ticked.decision.terminated, ticked.decision.outcome) == (12.0, True, "success")
     assert ticked.send == Twist(), "the robot stops"
     assert not mux.hear(B, go(0.2), 4), "nobody drives until the next tick"
-    (ticked,) = mux.tick(5, 5)
+    (ticked,) = mux.tick(at(5, 5))
     assert (ticked.decision.episode, ticked.decision.step, ticked.decision.reward) == (1, 0, 0.0)
     assert mux.session.summary().successes == 1
 
@@ -310,10 +362,10 @@ def test_rewards_since_the_last_tick_add_up_and_an_end_closes_the_episode_at_the
 def test_an_end_while_a_safe_source_drives_sends_no_zero() -> None:
     mux = two()
     mux.hear(B, go(0.2), 0)
-    mux.tick(1, 1)
+    mux.tick(at(1, 1))
     mux.hear(JOYSTICK, go(0.9), 2)
     mux.hear_outcome(SUCCESS)
-    (ticked,) = mux.tick(3, 3)
+    (ticked,) = mux.tick(at(3, 3))
     assert (ticked.decision.terminated, ticked.send) == (True, None)
 
 
@@ -324,7 +376,7 @@ def test_where_nobody_says_when_episodes_end_they_are_cut_without_stopping_the_r
     for k in range(8):
         now_ns = k * PERIOD_NS
         mux.hear(B, go(0.2), now_ns)
-        ticked = mux.tick(now_ns, now_ns)
+        ticked = mux.tick(at(now_ns, now_ns))
         assert all(each.send is None for each in ticked)
         assert driver(ticked) == 1
         decisions += [(d.episode, d.step, d.truncated) for d in (each.decision for each in ticked)]
@@ -334,14 +386,37 @@ def test_where_nobody_says_when_episodes_end_they_are_cut_without_stopping_the_r
     ]  # fmt: skip
 
 
+def test_an_episode_in_which_the_clock_was_set_back_is_cut() -> None:
+    mux = two(segment_s=0.3)
+    mux.has_episodes = False
+    late_ns = 10**12
+    assert [driver(mux.tick(at(now_ns, now_ns))) for now_ns in (late_ns, late_ns + PERIOD_NS)] == [-1, -1]
+    ended, begun = mux.tick(at(5 * PERIOD_NS, 0))
+    assert (ended.decision.truncated, ended.decision.step) == (True, 2)
+    assert (begun.decision.episode, begun.decision.step) == (1, 0)
+    mux.tick(at(6 * PERIOD_NS, 0))
+    mux.tick(at(7 * PERIOD_NS, 0))
+    assert mux.tick(at(8 * PERIOD_NS, 0))[0].decision.truncated, "after its time, by the new clock"
+
+
+def test_the_last_episode_stops_the_robot_also_where_it_is_cut() -> None:
+    mux = two(segment_s=0.1, episodes=1)
+    mux.has_episodes = False
+    mux.hear(B, go(0.2), 0)
+    mux.tick(at(0, 0))
+    (ticked,) = mux.tick(at(PERIOD_NS, 1))
+    assert (ticked.decision.truncated, ticked.send) == (True, Twist())
+    assert mux.is_done
+
+
 def test_after_the_last_episode_there_are_no_decisions_and_only_safe_sources_drive() -> None:
     mux = two(episodes=1)
     mux.hear(B, go(0.2), 0)
-    mux.tick(1, 1)
+    mux.tick(at(1, 1))
     mux.hear_outcome(SUCCESS)
-    mux.tick(2, 2)
+    mux.tick(at(2, 2))
     assert not mux.is_done
-    assert mux.tick(3, 3) == []
+    assert mux.tick(at(3, 3)) == []
     assert mux.is_done
     assert not mux.hear(B, go(0.2), 4)
     assert mux.hear(JOYSTICK, go(0.2), 5)
@@ -355,11 +430,11 @@ def test_an_observation_counts_within_its_limits_and_for_its_time(value: float, 
     mux = two()
     mux.hear_observation(0, value, 10)
     mux.hear_observation(1, 0.25, 10)
-    (ticked,) = mux.tick(10 + 500 * MS, 1)
+    (ticked,) = mux.tick(at(10 + 500 * MS, 1))
     assert ticked.decision.observed == pytest.approx((seen, 0.25), nan_ok=True)
-    (ticked,) = mux.tick(11 + 500 * MS, 2)
+    (ticked,) = mux.tick(at(11 + 500 * MS, 2))
     assert ticked.decision.observed == pytest.approx((nan, 0.25), nan_ok=True), "any age will do for the second"
-    (ticked,) = mux.tick(9, 3)
+    (ticked,) = mux.tick(at(9, 3))
     assert ticked.decision.observed == pytest.approx((nan, 0.25), nan_ok=True), "the clock was set back"
 
 
@@ -389,7 +464,7 @@ def test_the_example_of_the_page_can_be_learned() -> None:
     mux.hear(0, go(0.5), 0)
     mux.hear(1, go(0.2), 0)
     mux.hear_observation(2, 0.5, 0)
-    (ticked,) = mux.tick(1, 1)
+    (ticked,) = mux.tick(at(1, 1))
     assert ticked.decision.learned_weights[1] > 0.9, "the priorities would take gap here"
 
 
@@ -404,6 +479,8 @@ def test_the_example_of_the_page_can_be_learned() -> None:
         ({"axes": {"linear_x": {"low": 1.0, "high": 1.0}}}, "'axes.linear_x.low' is 1, not below 'high' (1)"),
         ({"observations": {"o": OBSERVATIONS["goal"] | {"field": "a..b"}}}, "'observations.o.field': 'a..b' is not the path"),
         ({"observations": {"o": OBSERVATIONS["goal"] | {"low": 2.0}}}, "'observations.o.low' is 2, not below 'high' (1)"),
+        ({"observations": OBSERVATIONS | {"o": OBSERVATIONS["goal"] | {"topic": "/scan"}}}, "'observations.o.type' is std_msgs/msg/Float64, but another observation of /scan has sensor_msgs/msg/LaserScan"),
+        ({"sources": {"b": topics(b=(0.5, 1))["b"] | {"guide_observation": "goal", "guide_low": 1.0, "guide_high": 0.5}}}, "'topics.b.guide_low' is 1, above 'guide_high' (0.5)"),
         ({"observations": {"o": {"topc": 1}}}, "unknown parameter 'topc'"),
         ({"sources": topics(a=(0.5, 10)) | {"b": topics(b=(0.5, 1))["b"] | {"guide_observation": "x"}}}, "'topics.b.guide_observation' is 'x'"),
         ({"observations": [1]}, "'observations' is not a mapping of names"),

@@ -5,11 +5,12 @@ At each tick a decision is made on a snapshot of what is known then. The source 
 are passed on when they arrive, and the last one before the tick with the tick, if it had not been passed on. So each command is
 passed on at most once, and only while its source may drive.
 
-As in `Mux`, the caller passes the time.
+As in `Mux`, the caller passes the time; at a tick as a clock, because learning, which takes time, may come before a decision.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import nan
 from typing import NamedTuple
 
@@ -26,6 +27,9 @@ from fbql_fusion.core.tasks.twist.answers import SourceLeaves
 SILENT_NS = 1_000_000_000
 """A source without a timeout counts as silent after this, where it is learned whom to follow [ns]."""
 _NS = 1e9
+
+Clock = Callable[[], tuple[int, int]]
+"""Tells the time by the clock that ages are measured with, and the stamp of a decision made now [ns]."""
 
 
 class Ticked(NamedTuple):
@@ -61,6 +65,8 @@ class LearnedMux:
         self._never_expires = [source.timeout_s <= 0 for source in mux.config.sources]
         self._chosen: int | None = None
         """Place in the mux of the source that drives until the next tick."""
+        self._blends = False
+        """Whether the last tick sent a blend."""
         self._fresh = [False] * len(names)
         """Whether the last command of a source has not been passed on."""
         self._values = [nan] * len(robot.observations)
@@ -100,8 +106,8 @@ class LearnedMux:
         self._heard_ns[place] = now_ns
 
     def hear_outcome(self, outcome: RobotOutcome) -> None:
-        """Takes what was achieved; it counts for the time before the next tick. What comes after the end of an episode counts for the
-        next one."""
+        """Takes what was achieved; it counts for the time before the next tick. What comes between the end of an episode and the first
+        tick of the next counts for neither."""
         self.has_episodes = True
         self._outcomes.append(outcome)
 
@@ -109,30 +115,31 @@ class LearnedMux:
         """Takes a reward of the time before the next tick."""
         self._outcomes.append(RobotOutcome(0, reward))
 
-    def tick(self, now_ns: int, stamp_ns: int) -> list[Ticked]:
+    def tick(self, clock: Clock) -> list[Ticked]:
         """Decides who drives from now on.
 
         A tick at which an episode is cut has two decisions: one that ends it, on which nobody drives, and the first of the next.
 
         Args:
-            now_ns: by the clock that ages are measured with.
-            stamp_ns: of the decision.
+            clock: read when what is learned between two episodes has been learned.
 
         Raises:
             BadInput: the policy does not belong to these sources.
         """
-        if self._episode < 0:
+        begins = self._episode < 0
+        if begins:
             begun = None if self.is_done else self._session.next_episode()
             if begun is None:
                 self.is_done, self._chosen = True, None
                 return []
-            self._episode, self._step, self._begun_ns = begun[0], -1, now_ns
-        is_cut = not self.has_episodes and now_ns - self._begun_ns >= self._segment_ns
-        ticked = [self._decide(self._snapshot(now_ns, stamp_ns, is_cut), now_ns)]
-        if is_cut and self._episode < 0:
-            ticked[0] = Ticked(ticked[0].decision)
-            ticked += self.tick(now_ns, stamp_ns)
-        return ticked
+            self._episode, self._step = begun[0], -1
+        now_ns, stamp_ns = clock()
+        if begins:
+            self._begun_ns = now_ns
+        is_cut = not self.has_episodes and not 0 <= now_ns - self._begun_ns < self._segment_ns
+        ticked = self._decide(self._snapshot(now_ns, stamp_ns, is_cut))
+        following = self.tick(clock) if is_cut and self._episode < 0 else []
+        return [Ticked(ticked.decision), *following] if following else [ticked]
 
     def _snapshot(self, now_ns: int, stamp_ns: int, is_cut: bool) -> Snapshot:
         mux = self._mux
@@ -183,12 +190,12 @@ class LearnedMux:
             reward += more
         return reward, terminated, truncated and not terminated, outcome
 
-    def _decide(self, snapshot: Snapshot, now_ns: int) -> Ticked:
+    def _decide(self, snapshot: Snapshot) -> Ticked:
         answers = snapshot.answers(self._leaves)
         command, decision = self._session.decide(snapshot.moment(self._robot.lengths), answers)
         made = snapshot.decided(decision, command)
-        drove = self._chosen is not None
-        self._chosen = None
+        drove = self._chosen is not None or self._blends
+        self._chosen, self._blends = None, False
         if snapshot.terminated or snapshot.truncated:
             self._episode = -1
             return Ticked(made, send=Twist() if drove and not snapshot.overruled_by else None)
@@ -198,7 +205,10 @@ class LearnedMux:
                 self._fresh[index] = False
                 self._mux.passed_on(index)
                 return Ticked(made, pass_on=index)
-        elif any(snapshot.active) and not snapshot.overruled_by:
+        elif any(snapshot.active):
+            blended = [index for index, is_active in zip(self._sources, snapshot.active, strict=True) if is_active]
+            self._blends = True
+            self._mux.passed_on(max(blended, key=lambda index: rank(self._mux.config.sources[index])))
             return Ticked(made, send=self._robot.twist(command))
         return Ticked(made)
 
