@@ -122,6 +122,19 @@ def test_a_source_at_or_above_safety_priority_drives_whatever_is_learned(bench, 
     bench.until(up_drives, "the learned choice to drive again")
 
 
+def test_while_sources_are_blended_all_their_names_are_who_drives(bench, tmp_path):
+    mux = in_wall_time(bench, tmp_path, controller="uniform")
+
+    def both_drive():
+        mux.send("down_vel", Twist(-0.5))
+        mux.send("up_vel", Twist(0.5))
+        return mux.drivers[-1:] == ["down + up"]
+
+    bench.until(both_drive, "the blend")
+    bench.until(lambda: mux.out[-1:] == [Twist()], "the mean of both")
+    bench.until(lambda: mux.drivers[-1:] == [""], "nobody to drive once both have expired")
+
+
 def test_between_decisions_commands_of_the_chosen_source_are_passed_on_byte_for_byte_when_they_arrive(bench, tmp_path):
     mux = in_wall_time(bench, tmp_path, decision_period_s=0.2)
 
@@ -164,6 +177,31 @@ def test_without_learn_and_policy_it_is_twist_mux_and_decides_nothing(bench, tmp
     assert mux.out == [Twist(-0.5), Twist(0.5)]
     assert mux.partner.count_publishers("fusion/decision") == 0
     bench.until_said("nothing is recorded, because nothing is decided: set learn or policy")
+
+
+def test_an_observation_of_which_nothing_comes_is_named(bench, tmp_path):
+    in_wall_time(bench, tmp_path)
+    where = f"{bench.namespace}/a_position"
+    bench.until_said(
+        f"observation a_position: no std_msgs/msg/Float64 has come on {where} yet; nothing is learned without it"
+    )
+
+
+def test_a_mux_that_cannot_begin_leaves_no_run_directory(bench, tmp_path):
+    file = tmp_path / "twist_mux.yaml"
+    file.write_text(file_of())
+    words = [
+        "--ros-args",
+        "--params-file",
+        str(file),
+        "-p",
+        f"run_directory:={tmp_path}/run",
+        "-p",
+        "reward_topic:='a b'",
+    ]
+    with pytest.raises(BadInput, match="parameter 'reward_topic': Invalid topic name"):
+        bench.add(lambda **options: TwistMuxNode(cli_args=words, **options))
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(

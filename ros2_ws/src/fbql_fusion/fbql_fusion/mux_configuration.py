@@ -50,6 +50,7 @@ def configure_mux(node: Node) -> MuxConfiguration:
     topics = declare_group(node, "topics", SourceParameters, stamped=settings.use_stamped)
     others = {name: declare_group(node, name, kind) for name, kind in GROUPS.items() if name != "topics"}
     try:
+        _check_topic("reward_topic", learned.reward_topic)
         named = {name: _resolve(node, name, others[name]) for name in ("locks", "observations")}
         mux = MuxDescription(settings, learned, learning, _resolve(node, "topics", topics), **(others | named))
         config = mux.config
@@ -65,13 +66,17 @@ def _resolve[P: (SourceParameters, LockParameters, ObservationParameters)](
 ) -> dict[str, P]:
     found: dict[str, P] = {}
     for name, entry in entries.items():
-        try:
-            validate_topic_name(entry.topic)
-        except NameValidationException as error:
-            why = " ".join(str(error).rstrip("^ \n").split())
-            raise BadInput(f"parameter '{prefix}.{name}.topic': {why}") from None
+        _check_topic(f"{prefix}.{name}.topic", entry.topic)
         found[name] = replace(entry, topic=node.resolve_topic_name(entry.topic))
     return found
+
+
+def _check_topic(parameter: str, topic: str) -> None:
+    try:
+        validate_topic_name(topic)
+    except NameValidationException as error:
+        why = " ".join(str(error).rstrip("^ \n").split())
+        raise BadInput(f"parameter '{parameter}': {why}") from None
 
 
 def _refuse_a_loop(config: MuxConfig, output: str) -> None:

@@ -65,12 +65,10 @@ class MuxLearning:
             self._kinds = {each.topic: _message_class(each.type_name) for each in self._observations}
         except BadInput as error:
             raise BadInput(f"{node.get_fully_qualified_name()}: {error}") from None
+        self._unheard = {each.topic: each.type_name for each in self._observations}
+        """Topics of observations on which nothing has come yet, and the types of their messages."""
         self.mux = LearnedMux(mux, session, description.robot, learned.safety_priority, learned.segment_s)
         self._session = session
-        complain = lambda text: node.get_logger().error(one_line(text))  # noqa: E731
-        keeps = session.is_learning or learned.record or learned.run_directory
-        self.run = MuxRecorder(description, session, node.resolve_topic_name, complain) if keeps else None
-
         self._publisher = node.create_publisher(MESSAGES[MuxDecision], DECISION, STEP_QOS)
         self._sensors = [
             node.create_subscription(kind, topic, partial(self._on_message, topic), qos_profile_sensor_data)
@@ -79,6 +77,9 @@ class MuxLearning:
         self._outcomes = Input(node, RobotOutcome, OUTCOME, decode_outcome, self._on_outcome, STEP_QOS)
         self._rewards = Input(node, float, learned.reward_topic, decode_number, self._on_reward, STEP_QOS)
         node.create_service(SavePolicy, "~/save_policy", self._on_save_policy)
+        complain = lambda text: node.get_logger().error(one_line(text))  # noqa: E731
+        keeps = session.is_learning or learned.record or learned.run_directory
+        self.run = MuxRecorder(description, session, node.resolve_topic_name, complain) if keeps else None
         period_s = description.learning.decision_period_s
         # In simulated time a tick belongs to a time of /clock; else to the steady clock, which is never set.
         sim = node.get_clock().ros_time_is_active
@@ -103,6 +104,7 @@ class MuxLearning:
 
     def _on_message(self, topic: str, message: Any) -> None:
         now_ns = self._now_ns()
+        self._unheard.pop(topic, None)
         for place, each in enumerate(self._observations):
             if each.topic == topic:
                 try:
@@ -146,11 +148,14 @@ class MuxLearning:
             self._node.finish(0 if self.run is None else self.run.exit_code())
 
     def _look(self) -> None:
-        """Notices somebody who will say when episodes end."""
+        """Notices somebody who will say when episodes end, and an observation that does not come."""
         if not self.mux.has_episodes:
             self.mux.has_episodes = self._outcomes.publishers() > 0
         for each in (self._outcomes, self._rewards):
             each.check_types()
+        for topic, type_name in self._unheard.items():
+            names = ", ".join([each.name for each in self._observations if each.topic == topic])
+            self._warn(f"observation {names}: no {type_name} has come on {topic} yet; nothing is learned without it")
 
     # What is kept
 

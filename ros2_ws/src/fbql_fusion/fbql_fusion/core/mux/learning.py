@@ -123,6 +123,10 @@ def session_of(mux: MuxDescription, policy: Policy | None) -> MuxSession:
 def _condition(name: str, source: SourceParameters, robot: Robot) -> Within | None:
     if not source.guide_observation:
         return None
+    if source.guide_low > source.guide_high:
+        raise BadInput(
+            f"parameter 'topics.{name}.guide_low' is {source.guide_low:g}, above 'guide_high' ({source.guide_high:g})"
+        )
     place = robot.place_of(source.guide_observation)
     if place is None:
         raise BadInput(

@@ -88,10 +88,13 @@ def robot_of(axes: Mapping[str, AxisParameters], observations: Mapping[str, Obse
             raise BadInput(f"parameter 'axes.{name}.low' is {each.low:g}, not below 'high' ({each.high:g})")
         found.append(Axis(FIELDS[NAMES.index(name)], unit, each.low, each.high, each.levels))
     groups: dict[str, list[Observation]] = {}
+    types: dict[str, str] = {}
     for name, each in observations.items():
         where = f"parameter 'observations.{name}"
         if not each.low < each.high:
             raise BadInput(f"{where}.low' is {each.low:g}, not below 'high' ({each.high:g})")
+        if (other := types.setdefault(each.topic, each.type)) != each.type:
+            raise BadInput(f"{where}.type' is {each.type}, but another observation of {each.topic} has {other}")
         try:
             path = parse_path(each.field)
         except BadInput as error:
