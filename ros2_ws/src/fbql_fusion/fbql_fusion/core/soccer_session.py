@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from fbql_common.core.errors import BadInput
 from fbql_common.core.types import WheelCommand, World
 from fbql_recording.core.metrics import EpisodeRecord, Summary, summarise
 
+from fbql_fusion.core.learners.dyna.learner import FbqlModel
 from fbql_fusion.core.parameters import FusionParameters, check_fusion
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.registry import is_ours, make_controller
@@ -57,6 +59,11 @@ class SoccerSession(Session[World, WheelCommand, EpisodeRecord]):
     ) -> None:
         check_fusion(parameters, "fusion")
         rewards = Rewards(parameters.reward_goal, parameters.reward_own_goal, parameters.collision_reward)
+        instead = plays_instead(parameters, trees)
+        if instead and policy is not None and policy.kind == FbqlModel.kind:
+            raise BadInput(
+                f"{instead}; fbql can't continue from this policy of fbql_model, which only plays (learn false)"
+            )
         task, guide = SoccerTask(*rewards), Subsumption(parameters)
         imagination = _imagination(parameters, rewards, trees)
         super().__init__(parameters, task, guide, make_controller(parameters, task, guide, imagination), policy)

@@ -141,6 +141,17 @@ def test_too_few_steps_can_not_be_fitted() -> None:
     assert not can_fit(RealSteps(100))
 
 
+def test_a_forest_of_the_whole_state_predicts_however_few_the_steps_are() -> None:
+    parameters = replace(FEW, model_family="forest", model_leaf_steps=1000)
+    steps = played(range(1), max_steps=150)
+    rng = np.random.default_rng(1)
+    model = fit(steps, parameters, rng)
+    assert len(model.whole.roots) == 2
+    state = tuple(steps.starts()[0].tolist())
+    after, _ = next_state(model, state, 0.0, 0.0, np.zeros(SCRATCH), rng)
+    assert np.isfinite(after).all()
+
+
 def test_least_squares_are_those_of_numpy() -> None:
     rng = np.random.default_rng(1)
     x = rng.normal(size=(300, 5)) * np.array([1.0, 10.0, 0.1, 2.0, 1.0])

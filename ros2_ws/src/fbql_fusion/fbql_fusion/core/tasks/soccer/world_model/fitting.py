@@ -217,7 +217,8 @@ def _fit_whole(
     y = np.column_stack([change, seen.touched])
     model = EMPTY._replace(family=family, trees=parameters.model_trees, known_sizes=parameters.model_known_sizes)
     if family == FOREST:
-        return model._replace(whole=fit_forest(x, y, parameters.model_trees, parameters.model_leaf_steps, generator))
+        least = min(parameters.model_leaf_steps, len(x) // 2)  # nothing stands in for a forest without a split
+        return model._replace(whole=fit_forest(x, y, parameters.model_trees, least, generator))
     return model._replace(linear=least_squares(np.column_stack([x, np.ones(len(x))]), y))
 
 
