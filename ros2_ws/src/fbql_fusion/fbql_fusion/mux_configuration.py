@@ -7,9 +7,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from fbql_common.core.errors import BadInput
+from fbql_common.core.mux_types import MuxDecision, RobotOutcome
 from fbql_common.core.text import one_line
-from fbql_common.core.topic_names import MUX_OUTPUT
+from fbql_common.core.topic_names import DECISION, MUX_OUTPUT, OUTCOME
+from fbql_common.core.twist import StampedTwist, Twist
 from fbql_common.declare import declare_all, declare_group
+from fbql_common.wire import type_name
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.validate_topic_name import validate_topic_name
@@ -40,8 +43,8 @@ def configure_mux(node: Node) -> MuxConfiguration:
     """Declares the parameters of a mux on its node, and reads them.
 
     Raises:
-        BadInput: as declare_all and declare_group; no source; a topic with an invalid name, one that two sources share,
-        or the mux's own output.
+        BadInput: as declare_all and declare_group; no source; a topic with an invalid name, one that two sources share, or the
+        mux's own output; a topic that would carry two types of messages.
     """
     where = node.get_fully_qualified_name()
     settings, learned, learning = declare_all(
@@ -55,9 +58,10 @@ def configure_mux(node: Node) -> MuxConfiguration:
         mux = MuxDescription(settings, learned, learning, _resolve(node, "topics", topics), **(others | named))
         config = mux.config
         _refuse_a_loop(config, node.resolve_topic_name(MUX_OUTPUT))
+        stamped = frozenset(name for name, source in topics.items() if source.stamped)
+        _refuse_two_types(node, mux, stamped)
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
-    stamped = frozenset(name for name, source in topics.items() if source.stamped)
     return MuxConfiguration(mux, config, settings.use_stamped, stamped)
 
 
@@ -85,6 +89,35 @@ def _refuse_a_loop(config: MuxConfig, output: str) -> None:
             raise BadInput(
                 f"topics.{source.name} is {output}, on which the mux publishes; remap {MUX_OUTPUT} or let the source "
                 "publish on another topic"
+            )
+
+
+def _refuse_two_types(node: Node, mux: MuxDescription, stamped: frozenset[str]) -> None:
+    """The middleware can't make a subscription for a second type, and does not say why."""
+    output = StampedTwist if mux.settings.use_stamped else Twist
+    used = [
+        (MUX_OUTPUT, node.resolve_topic_name(MUX_OUTPUT), type_name(output)),
+        *(
+            (f"topics.{name}", e.topic, type_name(StampedTwist if name in stamped else Twist))
+            for name, e in mux.topics.items()
+        ),
+        *((f"locks.{name}", each.topic, type_name(bool)) for name, each in mux.locks.items()),
+    ]
+    if mux.is_learned:
+        for name, topic, kind in (
+            (DECISION, DECISION, MuxDecision),
+            (OUTCOME, OUTCOME, RobotOutcome),
+            ("reward_topic", mux.learned.reward_topic, float),
+        ):
+            used.append((name, node.resolve_topic_name(topic), type_name(kind)))
+        used += [(f"observations.{name}", each.topic, each.type) for name, each in mux.observations.items()]
+    first: dict[str, tuple[str, str]] = {}
+    for what, topic, its_type in used:
+        other, other_type = first.setdefault(topic, (what, its_type))
+        if other_type != its_type:
+            raise BadInput(
+                f"{other} and {what} are both {topic}, the one with {other_type}, the other with {its_type}; give one of them "
+                "another topic"
             )
 
 
