@@ -136,7 +136,8 @@ class MuxLearning:
             self._node.finish(BAD_INPUT)
             return
         for each in ticked:
-            self._act(each)
+            self._act(each)  # at once: what is kept of an episode that was cut takes time to write
+        for each in ticked:
             data = encode_mux_decision(each.decision)
             self._publisher.publish(data)
             if self.run is not None:
