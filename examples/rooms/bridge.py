@@ -17,6 +17,7 @@ from fbql_common.core.parameters import parameter
 from fbql_common.core.topic_names import CLOCK, CMD_VEL, DECISION, OUTCOME
 from fbql_common.core.twist import Twist
 from fbql_common.declare import declare_parameters
+from fbql_common.inputs import Input
 from fbql_common.qos import COMMAND_QOS, STEP_QOS
 from fbql_common.spin import FAILED, GraphNode
 from fbql_common.watch import steady_timer
@@ -72,8 +73,8 @@ class Bridge(GraphNode):
             self.create_subscription(
                 MESSAGES[Twist], f"{name}_vel", lambda _, name=name: self._on_source(name), COMMAND_QOS, raw=True
             )
-        self.create_subscription(MESSAGES[Twist], CMD_VEL, self._on_command, COMMAND_QOS, raw=True)
-        self.create_subscription(MESSAGES[MuxDecision], DECISION, self._on_decision, STEP_QOS, raw=True)
+        self._commands = Input(self, Twist, CMD_VEL, decode_twist, self._on_command, COMMAND_QOS)
+        self._decisions = Input(self, MuxDecision, DECISION, decode_mux_decision, self._on_decision, STEP_QOS)
         # The mux decides at every full period: between two of them the clock is moved on from one half to the next.
         self._now_ns = _PERIOD_NS // 2
         self._reading: Reading | None = None
@@ -152,12 +153,12 @@ class Bridge(GraphNode):
         self._now_ns += _PERIOD_NS
         self._publish_clock()
 
-    def _on_decision(self, data: bytes) -> None:
-        self._decision = decode_mux_decision(data)
+    def _on_decision(self, decision: MuxDecision, _data: bytes) -> None:
+        self._decision = decision
         self._drive_on()
 
-    def _on_command(self, data: bytes) -> None:
-        self._command = decode_twist(data)
+    def _on_command(self, command: Twist, _data: bytes) -> None:
+        self._command = command
         self._drive_on()
 
     def _drive_on(self) -> None:

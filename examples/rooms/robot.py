@@ -15,10 +15,11 @@ from fbql_common.core.parameters import parameter
 from fbql_common.core.topic_names import CMD_VEL
 from fbql_common.core.twist import Twist
 from fbql_common.declare import declare_parameters
+from fbql_common.inputs import Input
 from fbql_common.qos import COMMAND_QOS
 from fbql_common.spin import GraphNode, spin
 from fbql_common.watch import steady_timer
-from fbql_common.wire import MESSAGES, decode_twist
+from fbql_common.wire import decode_twist
 from fbql_studies.rooms.maps import FAMILIES, room_of
 from fbql_studies.rooms.robot import PERIOD_S
 from fbql_studies.rooms.worlds import IrSimWorld
@@ -50,15 +51,15 @@ class Robot(GraphNode):
         self._twist, self._heard_s = Twist(), monotonic()
         self._scans = self.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
         self._odometry = self.create_publisher(Odometry, "odom", qos_profile_sensor_data)
-        self.create_subscription(MESSAGES[Twist], CMD_VEL, self._on_command, COMMAND_QOS, raw=True)
+        self._commands = Input(self, Twist, CMD_VEL, decode_twist, self._on_command, COMMAND_QOS)
         self._timer = steady_timer(self, PERIOD_S, self._step)
         (x, y, _), goal = self._room.start, self._room.goal
         self.get_logger().info(
             f"at ({x:.2f}, {y:.2f}); the other side of the room is at ({goal[0]:.2f}, {goal[1]:.2f})"
         )
 
-    def _on_command(self, data: bytes) -> None:
-        self._twist, self._heard_s = decode_twist(data), monotonic()
+    def _on_command(self, twist: Twist, _data: bytes) -> None:
+        self._twist, self._heard_s = twist, monotonic()
 
     def _step(self) -> None:
         if self._reading.collided:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import atan2, hypot, inf, pi
+from math import atan2, hypot, inf, nan, pi
 
 import pytest
 from fbql_common.core.mux_types import RobotOutcome
@@ -117,7 +117,7 @@ def test_the_robot_drives_as_it_is_commanded_and_stops_without_commands(bench):
     )
     partner.create_subscription(LaserScan, "scan", scans.append, qos_profile_sensor_data)
     commands = partner.create_publisher(MESSAGES[Twist], "cmd_vel", COMMAND_QOS)
-    bench.add(Robot, room=700_001)
+    robot = bench.add(Robot, room=700_001)
     bench.until(lambda: poses and scans, "the robot's sensors")
     assert poses[0] == pytest.approx(start[:2])
     assert len(scans[0].ranges) == 72
@@ -125,3 +125,8 @@ def test_the_robot_drives_as_it_is_commanded_and_stops_without_commands(bench):
     commands.publish(encode_twist(Twist(linear_x_m_s=0.2)))
     bench.until(lambda: hypot(poses[-1][0] - start[0], poses[-1][1] - start[1]) > 0.05, "the robot to drive")
     bench.until(lambda: len(poses) > 12 and len(set(poses[-5:])) == 1, "the robot to stop")
+    commands.publish(encode_twist(Twist(linear_x_m_s=nan)))
+    bench.until(lambda: robot._commands.dropped, "a command that is no number to be dropped")
+    before = len(poses)
+    bench.until(lambda: len(poses) > before + 2, "the robot to live on")
+    assert poses[-1] == poses[before - 1]
