@@ -15,7 +15,7 @@ from commands import report
 from fbql.report.mux import read_episodes, write_mux_page
 from fbql_common.core.recording_names import EPISODES
 from fbql_recording.run import open_run
-from rail import SOURCES
+from rail import SOURCES, Rail, Result
 from recorded_rail import record_rail
 
 
@@ -35,6 +35,20 @@ def test_its_episodes_are_those_of_the_run(recorded: Path) -> None:
     assert {name for each in episodes for name in each.drove} == set(SOURCES), (
         "both sources drive while they are learned"
     )
+
+
+def test_it_counts_as_the_summary_does_whatever_word_an_outcome_brings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Rail, "step", lambda _rail, _speed: Result(1.0, truncated=True, outcome="success"))
+    path = record_rail(tmp_path / "run", 3, guided=1)
+    summary = json.loads((path / "summary.json").read_text())
+    assert (summary["episodes"], summary["successes"], summary["timeouts"]) == (2, 0, 2)
+    out = StringIO()
+    episodes = write_mux_page(open_run(path), out)
+    assert [(each.phase, each.outcome) for each in episodes] == [("guided", "timeout"), *[("learning", "timeout")] * 2]
+    for tile in ("<b>2</b> episodes", "and 1 guided, not counted", "<b>0</b> successes", "<b>2</b> timeouts"):
+        assert tile in out.getvalue()
 
 
 def test_the_command_writes_a_page_that_tells_how_it_went(

@@ -12,7 +12,9 @@ from fbql_common.core.cdr import Malformed
 from fbql_common.core.errors import BadInput
 from fbql_common.core.mux_types import MuxDecision
 from fbql_common.core.types import Phase
+from fbql_fusion.core.tasks.twist.task import FAILURE
 from fbql_recording.core.decoding import MUX_DECISION, MessageCodec
+from fbql_recording.core.metrics import SUCCESS, TIMEOUT
 from fbql_recording.mcap.reader import Corrupt
 from fbql_recording.run import Run
 
@@ -20,10 +22,10 @@ from fbql.cli.words import counted, percent
 from fbql.report.page import ASSETS, facts_table, file_digests, mapping, source_hash, tiles_html
 from fbql.report.texts import NOT_AVAILABLE, html, table
 
-SUCCESS, TIMEOUT = "success", "timeout"
 SIGNS = {SUCCESS: "●", TIMEOUT: "◆"}
 """A sign and a word: never a colour alone. Every other outcome is a failure."""
 NOBODY = "nobody, or a blend"
+_GUIDED = Phase.GUIDED.name.lower()
 _PROGRESS_STEPS = 4096
 _PAGE = """<!doctype html>
 <html lang="en">
@@ -81,7 +83,7 @@ def read_episodes(run: Run, progress: Callable[[int], None] = lambda _: None) ->
         episode = episodes[-1]
         episode.return_ += decision.reward
         if decision.terminated or decision.truncated:
-            episode.outcome = decision.outcome or (TIMEOUT if decision.truncated else "failure")
+            episode.outcome = (decision.outcome or FAILURE) if decision.terminated else TIMEOUT
         else:
             driver = decision.driver
             episode.drove[decision.behaviors[driver] if 0 <= driver < len(decision.behaviors) else NOBODY] += 1
@@ -135,7 +137,10 @@ def write_mux_page(
     return episodes
 
 
-def _tiles(episodes: list[DrivenEpisode]) -> str:
+def _tiles(all_episodes: list[DrivenEpisode]) -> str:
+    """The result of the episodes that count, as in a summary: all but the guided ones."""
+    episodes = [episode for episode in all_episodes if episode.phase != _GUIDED]
+    guided = len(all_episodes) - len(episodes)
     outcomes = Counter(episode.outcome for episode in episodes)
     steps, reached = sum(episode.steps for episode in episodes), outcomes[SUCCESS]
     ended = outcomes.total() - outcomes[NOT_AVAILABLE]
@@ -144,7 +149,7 @@ def _tiles(episodes: list[DrivenEpisode]) -> str:
     failures = [f"{html(name)}: {count}" for name, count in outcomes.items() if name not in others]
     return tiles_html(
         [
-            ("episodes", f"{len(episodes)}", ""),
+            ("episodes", f"{len(episodes)}", f"and {guided} guided, not counted" if guided else ""),
             ("successes", f"{reached}", rate),
             ("failures", f"{ended - reached - outcomes[TIMEOUT]}", ", ".join(failures)),
             ("timeouts", f"{outcomes[TIMEOUT]}", ""),
