@@ -127,6 +127,8 @@ def trails_of(path: Path, count: int):
     from fbql_studies.rooms.drawing import Trail
     from fbql_studies.rooms.maps import room_of
 
+    if count < 1:
+        raise BadInput(f"--rooms is {count}; it must be at least 1")
     last = deque(maxlen=count)
     try:
         with path.open() as file:

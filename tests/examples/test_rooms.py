@@ -126,6 +126,7 @@ def test_every_decision_is_made_on_the_sensors_and_commands_of_its_own_step_and_
         (("play", "--episodes", "ten"), "argument --episodes: invalid int value: 'ten'"),
         (("play", "--out", "nowhere/run"), "there is no directory"),
         (("show", "taken"), "taken/trails.csv: no such file"),
+        (("show", "taken", "--rooms", "-1"), "--rooms is -1; it must be at least 1"),
         ((), "the following arguments are required: command"),
     ],
 )
