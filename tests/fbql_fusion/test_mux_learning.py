@@ -179,6 +179,11 @@ def test_without_learn_and_policy_it_is_twist_mux_and_decides_nothing(bench, tmp
     bench.until_said("nothing is recorded, because nothing is decided: set learn or policy")
 
 
+def test_simulated_time_that_does_not_come_is_said(bench, tmp_path):
+    OwnMux(bench, tmp_path, file_of())
+    bench.until_said("use_sim_time is set and no /clock has come yet: nothing is decided before")
+
+
 def test_an_observation_of_which_nothing_comes_is_named(bench, tmp_path):
     in_wall_time(bench, tmp_path)
     where = f"{bench.namespace}/a_position"

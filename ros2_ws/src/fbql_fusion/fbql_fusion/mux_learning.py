@@ -149,11 +149,13 @@ class MuxLearning:
             self._node.finish(0 if self.run is None else self.run.exit_code())
 
     def _look(self) -> None:
-        """Notices somebody who will say when episodes end, and an observation that does not come."""
+        """Notices somebody who will say when episodes end, and a clock or an observation that does not come."""
         if not self.mux.has_episodes:
             self.mux.has_episodes = self._outcomes.publishers() > 0
         for each in (self._outcomes, self._rewards):
             each.check_types()
+        if self._now_ns() == 0:
+            self._warn("use_sim_time is set and no /clock has come yet: nothing is decided before")
         for topic, type_name in self._unheard.items():
             names = ", ".join([each.name for each in self._observations if each.topic == topic])
             self._warn(f"observation {names}: no {type_name} has come on {topic} yet; nothing is learned without it")
