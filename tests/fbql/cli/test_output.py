@@ -97,7 +97,6 @@ CODE = """
 import os, sys
 from fbql.cli.output import print_result, results_apart
 from fbql.cli.parser import Parser
-from fuzzing import finite_json
 with results_apart():
     os.write(1, b"a library's error\\n")
     print("somebody's own controller")
