@@ -100,6 +100,17 @@ def test_without_disturbance_the_wheels_do_as_told() -> None:
     assert [tuple(task.disturb(3.0, -4.0)) for _ in range(300)] == [(3.0, -4.0)] * 300
 
 
+@pytest.mark.parametrize("steps", [1, 3])
+def test_a_delayed_command_moves_the_wheels_that_much_later(steps: int) -> None:
+    task = begun_task(
+        wheel_gain_deviation=0.0, wheel_noise_deviation=0.0, command_delay_s=(steps + 0.4) * DEFAULTS.dt_s
+    )
+    found = [task.disturb(float(k), -float(k)) for k in range(1, 10)]
+    assert found == [(0.0, 0.0)] * steps + [(float(k), -float(k)) for k in range(1, 10 - steps)]
+    task.begin(1)
+    assert task.disturb(5.0, 5.0) == (0.0, 0.0), "a command of the episode before is never followed"
+
+
 # Events
 
 

@@ -76,3 +76,17 @@ class SimulationParameters:
     collision_gap_s: float = parameter(
         0.1, "a contact that resumes after a shorter gap is not a new collision", unit="s", low=0.0, high=5.0
     )
+
+    command_delay_s: float = parameter(
+        0.0, "time until the wheels follow a command, rounded to whole steps; they stand still before", unit="s",
+        low=0.0, high=1.0,
+    )  # fmt: skip
+    position_noise_m: float = parameter(
+        0.0, "standard deviation of the error in each coordinate of robot and ball that the world state has", unit="m",
+        low=0.0, high=0.1,
+    )  # fmt: skip
+    yaw_noise_rad: float = parameter(0.0, "the same of the robot's yaw", unit="rad", low=0.0, high=1.0)
+    speed_noise_m_s: float = parameter(
+        0.0, "the same of the robot's speed and of each component of the ball's velocity", unit="m/s", low=0.0, high=1.0
+    )
+    yaw_rate_noise_rad_s: float = parameter(0.0, "the same of the robot's yaw rate", unit="rad/s", low=0.0, high=10.0)

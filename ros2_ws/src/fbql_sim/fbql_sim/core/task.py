@@ -1,7 +1,8 @@
-"""The task: starts, wheel disturbance, events, and the end of an episode."""
+"""The task: starts, the delay of commands, wheel disturbance, events, and the end of an episode."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -43,6 +44,7 @@ class Task:
             )
         self._parameters = parameters
         self._gap_steps = round(parameters.collision_gap_s / parameters.dt_s)
+        self._delay_steps = round(parameters.command_delay_s / parameters.dt_s)
         self._max_steps = parameters.max_steps
         self.begin(0)
 
@@ -56,6 +58,7 @@ class Task:
         self._steps = 0
         self._steps_since_contact = self._gap_steps
         self._gains = self._draw_gains(rng)
+        self._delayed = deque([(0.0, 0.0)] * self._delay_steps)
         return Start(
             robot_x_m=distance - FIELD.half_length_m,
             robot_y_m=y * parameters.start_robot_y_jitter_m,
@@ -65,7 +68,13 @@ class Task:
         )
 
     def disturb(self, left_rad_s: float, right_rad_s: float) -> tuple[float, float]:
-        """The wheel velocities that a command causes [rad/s]: each wheel has a gain, with noise from step to step."""
+        """The wheel velocities that a command causes [rad/s]: each wheel has a gain, with noise from step to step.
+
+        Where commands are delayed, they are those of an earlier command.
+        """
+        if self._delay_steps:
+            self._delayed.append((left_rad_s, right_rad_s))
+            left_rad_s, right_rad_s = self._delayed.popleft()
         left_gain, right_gain = next(self._gains)
         return left_rad_s * left_gain, right_rad_s * right_gain
 

@@ -7,6 +7,7 @@ from math import isfinite
 from fbql_common.core.types import World, made_of
 from fbql_common.core.walls import closest_wall_point
 
+from fbql_sim.core.measurement import Measurement
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.physics import Physics
 from fbql_sim.core.task import NO_EVENTS, Events, Task
@@ -17,7 +18,7 @@ class WorldLoop:
 
     The same seed and commands give the same worlds bit for bit (but for `stamp_ns` and `episode`), regardless of what
     was played before. `stamp_ns` is k·dt for the k-th world this loop has produced, from 1 on: simulated time never
-    goes back, and is never 0.
+    goes back, and is never 0. Goals and collisions are those of the true state, everything else of a world is measured.
     """
 
     def __init__(self, parameters: SimulationParameters | None = None, worlds: int = 0) -> None:
@@ -26,6 +27,7 @@ class WorldLoop:
         self.dt_s = parameters.dt_s
         self._physics = Physics(parameters)
         self._task = Task(parameters)
+        self._measurement = Measurement(parameters)
         self._world: World | None = None
         self._worlds = worlds
         self._episode = 0
@@ -41,6 +43,7 @@ class WorldLoop:
     def reset(self, episode: int, seed: int) -> World:
         """Begins an episode and returns its world of step 0. Raises ValueError for a negative seed."""
         self._physics.reset(self._task.begin(seed))
+        self._measurement.begin(seed)
         self._episode, self._step = episode, 0
         return self._observe(NO_EVENTS)
 
@@ -85,5 +88,6 @@ class WorldLoop:
             wall_yaw,
             *events,
         )
-        self._world = world = made_of(World, values)
+        world = made_of(World, values)
+        self._world = world = world if self._measurement.is_exact else self._measurement.of(world)
         return world
