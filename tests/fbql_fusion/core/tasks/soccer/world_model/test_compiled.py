@@ -22,7 +22,7 @@ from fbql_fusion.core.tasks.soccer.critic import WIDTHS, critic_inputs
 from fbql_fusion.core.tasks.soccer.world_model.fitting import fit
 from fbql_fusion.core.tasks.soccer.world_model.forest import grow_forest
 from fbql_fusion.core.tasks.soccer.world_model.imagination import ImaginedWorld, Rewards
-from fbql_fusion.core.tasks.soccer.world_model.parameters import WorldModelParameters
+from fbql_fusion.core.tasks.soccer.world_model.parameters import FAMILIES, WorldModelParameters
 from fbql_fusion.core.tasks.soccer.world_model.real_steps import RealSteps
 from fbql_fusion.core.tasks.soccer.world_model.team import SENSES, Team, TreeParts
 from fbql_sim.core.parameters import SimulationParameters
@@ -48,7 +48,7 @@ scales = Scales.of(seen, True)
 resolution = Resolution(world_tilings=4)
 offsets = Features.random_offsets(resolution, len(scales.knots), rng)
 total = hashlib.sha256()
-for family in ("regions", "forest", "linear"):
+for family in FAMILIES:
     parameters = WorldModelParameters(model_family=family, model_trees=2, imagined_max_steps=60)
     features = Features(scales, resolution, offsets, critic_tilings(WIDTHS, 4))
     world = ImaginedWorld(fit(steps, parameters, rng), team, features, Rewards(10.0, -10.0, -0.2), steps, parameters)

@@ -19,7 +19,7 @@ from fbql_fusion.core.tasks.soccer.world_model.fitting import (
     with_mirror_image,
 )
 from fbql_fusion.core.tasks.soccer.world_model.model import SCRATCH, next_state
-from fbql_fusion.core.tasks.soccer.world_model.parameters import WorldModelParameters
+from fbql_fusion.core.tasks.soccer.world_model.parameters import FAMILIES, WorldModelParameters
 from fbql_fusion.core.tasks.soccer.world_model.real_steps import RealSteps, Transitions
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.scripted_law import law
@@ -60,7 +60,7 @@ def test_the_same_generator_gives_the_same_fit() -> None:
     assert np.array_equal(first.ball_robot.nodes, again.ball_robot.nodes)
 
 
-@pytest.mark.parametrize("family", ["regions", "forest", "linear"])
+@pytest.mark.parametrize("family", FAMILIES)
 def test_every_family_predicts_better_than_that_nothing_changes(family: str) -> None:
     model = fit(STEPS, replace(FEW, model_family=family), np.random.default_rng(1))
     real = played(range(10, 12), 200).transitions()

@@ -20,6 +20,7 @@ from fbql_fusion.core.tasks.soccer.world_model.model import (
     next_state,
     wrapped,
 )
+from fbql_fusion.core.tasks.soccer.world_model.neighbours import fit_neighbours
 from fbql_fusion.core.tasks.soccer.world_model.parameters import FAMILIES
 from fbql_fusion.core.tasks.soccer.world_model.robot import Wheels
 from hypothesis import given
@@ -152,6 +153,19 @@ def test_a_forest_of_the_whole_state_predicts_its_change_and_the_contact() -> No
     after, touched = step(model, MIDDLE)
     assert after - np.array(MIDDLE) == pytest.approx(np.arange(9.0) / 100)
     assert touched
+
+
+def test_a_neighbour_drawn_anew_predicts_each_step() -> None:
+    x = np.zeros((4, GENERIC_INPUTS))
+    x[:, 0] = [0.0, 0.1, 5.0, 6.0]  # the robot's x; two are near the middle
+    y = np.zeros((4, GENERIC_OUTPUTS))
+    y[:, 3], y[:, 9] = [0.1, 0.2, 0.3, 0.4], 1.0
+    model = EMPTY._replace(
+        family=FAMILIES.index("neighbours"), neighbours=fit_neighbours(x, y), nearest=2, known_sizes=False
+    )
+    found = [step(model, MIDDLE, seed=seed) for seed in range(40)]
+    assert {after[3] for after, _ in found} == {0.1, 0.2}
+    assert all(touched for _, touched in found)
 
 
 def recorded(model: WorldModel, forest: str, state: State) -> NDArray[np.float64]:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from fbql_fusion.core.learners.linear import Floats
 from fbql_fusion.core.tasks.soccer.world_model.ball import Rolling, fit_rolling
 from fbql_fusion.core.tasks.soccer.world_model.forest import fit_forest
-from fbql_fusion.core.tasks.soccer.world_model.model import EMPTY, FOREST, REGIONS, WorldModel
+from fbql_fusion.core.tasks.soccer.world_model.model import EMPTY, FOREST, NEIGHBOURS, REGIONS, WorldModel
+from fbql_fusion.core.tasks.soccer.world_model.neighbours import fit_neighbours
 from fbql_fusion.core.tasks.soccer.world_model.parameters import FAMILIES, WorldModelParameters
 from fbql_fusion.core.tasks.soccer.world_model.real_steps import RealSteps, Transitions
 from fbql_fusion.core.tasks.soccer.world_model.robot import Wheels, fit_wheels
@@ -219,6 +220,8 @@ def _fit_whole(
     if family == FOREST:
         least = min(parameters.model_leaf_steps, len(x) // 2)  # nothing stands in for a forest without a split
         return model._replace(whole=fit_forest(x, y, parameters.model_trees, least, generator))
+    if family == NEIGHBOURS:
+        return model._replace(neighbours=fit_neighbours(x, y), nearest=parameters.model_neighbours)
     return model._replace(linear=least_squares(np.column_stack([x, np.ones(len(x))]), y))
 
 

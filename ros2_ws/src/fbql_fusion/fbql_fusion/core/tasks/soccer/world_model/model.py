@@ -1,7 +1,7 @@
 """The world model: what is fitted to the real steps, and the step that it predicts.
 
 Two kinds. With structure (`regions`): robot and ball apart, each free or near something, eqs. 21 and 23 to 25. Without: one
-regression of the change of the whole state on state and command, by extra-trees or linear.
+regression of the change of the whole state on state and command, by extra-trees, nearest neighbours or linear.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from fbql_fusion.core.tasks.soccer.world_model.bodies import (
     room,
 )
 from fbql_fusion.core.tasks.soccer.world_model.forest import Forest, leaf_of, no_forest
+from fbql_fusion.core.tasks.soccer.world_model.neighbours import Neighbours, nearest, no_neighbours
 from fbql_fusion.core.tasks.soccer.world_model.parameters import FAMILIES
 from fbql_fusion.core.tasks.soccer.world_model.real_steps import STATE
 from fbql_fusion.core.tasks.soccer.world_model.robot import (
@@ -48,7 +49,7 @@ GENERIC_OUTPUTS = len(STATE) + 1
 """Its outputs: the change of each component of the state, and the contact."""
 SCRATCH = 16
 """Length of the array in which a step puts the inputs of the forests."""
-REGIONS, FOREST, LINEAR = range(len(FAMILIES))
+REGIONS, FOREST, NEIGHBOURS, LINEAR = range(len(FAMILIES))
 
 
 class WorldModel(NamedTuple):
@@ -71,6 +72,10 @@ class WorldModel(NamedTuple):
     rolling: Rolling
     whole: Forest
     """Of the family `forest`."""
+    neighbours: Neighbours
+    """Of the family `neighbours`."""
+    nearest: int
+    """Its neighbours of which one is drawn."""
     linear: Floats
     """Of the family `linear`: weights of the inputs and of 1, [GENERIC_INPUTS + 1, GENERIC_OUTPUTS]."""
     gain_deviation: float
@@ -81,7 +86,7 @@ EMPTY = WorldModel(
     REGIONS, 1, True, 1, 0.0, 0.0, 0.0,
     Wheels(np.zeros(1), np.zeros(1), 0.0, 0.0, 0.0),
     no_forest(NEAR_OUTPUTS), no_forest(OUTPUTS), no_forest(OUTPUTS), Rolling(1.0, 0.0),
-    no_forest(GENERIC_OUTPUTS), np.zeros((GENERIC_INPUTS + 1, GENERIC_OUTPUTS)), 0.0,
+    no_forest(GENERIC_OUTPUTS), no_neighbours(GENERIC_INPUTS, GENERIC_OUTPUTS), 1, np.zeros((GENERIC_INPUTS + 1, GENERIC_OUTPUTS)), 0.0,
 )  # fmt: skip
 """What the parts that a family does not use are."""
 
@@ -103,7 +108,8 @@ def next_state(
 ) -> tuple[State, bool]:
     """One step, and whether the robot touched a wall in it.
 
-    Eq. 26: one tree, drawn anew for each step, stands for each forest, so that a step has the spread of the real ones.
+    Eq. 26: one tree, drawn anew for each step, stands for each forest, and one row for its neighbours, so that a step has the
+    spread of the real ones.
 
     Args:
         command_left_m_s, command_right_m_s: the wheels' ground speeds that are commanded.
@@ -229,6 +235,9 @@ def _step_of_whole(
     x[6], x[7], x[8], x[9], x[10], x[11] = ball_x, ball_y, vx, vy, command_left, command_right
     if model.family == FOREST:
         y = model.whole.outputs[leaf_of(model.whole, int(generator.random() * model.trees), x)]
+    elif model.family == NEIGHBOURS:
+        rows = nearest(model.neighbours, x, model.nearest)
+        y = model.neighbours.outputs[rows[int(generator.random() * len(rows))]]
     else:
         y = model.linear[GENERIC_INPUTS].copy()
         for i in range(GENERIC_INPUTS):

@@ -8,9 +8,9 @@ from fbql_common.core.parameters import owned_by, parameter
 
 from fbql_fusion.core.controllers.parameters import SessionParameters
 
-FAMILIES = ("regions", "forest", "linear")
-"""`regions`: robot and ball apart, each free or near something, in the frame of what is near; `forest` and `linear`: one
-regression of the change of the whole state on state and command, which knows nothing of soccer."""
+FAMILIES = ("regions", "forest", "neighbours", "linear")
+"""`regions`: robot and ball apart, each free or near something, in the frame of what is near; the others: one regression of
+the change of the whole state on state and command, which knows nothing of soccer."""
 
 
 @owned_by("fbql_model")
@@ -21,7 +21,7 @@ class WorldModelParameters(SessionParameters):
     model_family: str = parameter(
         "regions",
         "what predicts the next state: models of robot and ball, free and near something (regions), or one regression on the "
-        "whole state, by extra-trees (forest) or linear",
+        "whole state, by extra-trees (forest), by the nearest neighbours (neighbours) or linear",
         choices=FAMILIES,
     )
     model_robot_wall_m: float = parameter(
@@ -48,6 +48,9 @@ class WorldModelParameters(SessionParameters):
         5, "trees in a forest of the model; one of them, at random, predicts a step", low=1, high=100
     )
     model_leaf_steps: int = parameter(3, "least number of steps in a leaf of such a tree", low=1, high=1000)
+    model_neighbours: int = parameter(
+        3, "nearest real steps in the family of neighbours; one of them, at random, predicts a step", low=1, high=100
+    )
     model_bins: int = parameter(
         80, "bins in which the model averages how a wheel follows its command", low=2, high=10_000
     )
