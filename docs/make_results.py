@@ -1,4 +1,4 @@
-"""Writes docs/results and the small tables of docs/fusion.md and docs/trees.md from docs/data. Run it in the project's
+"""Writes docs/results and the small tables of docs/fusion.md, trees.md and imagination.md from docs/data. Run it in the project's
 environment:
 
 source scripts/env.sh
@@ -8,7 +8,7 @@ A study directory (runs/study-paper, runs/study-ladder, ...) is first copied int
 STUDY.json, the numbers behind its figures as STUDY_curves.json; figures that need every task's result are copied into
 docs/images. Each study then gets its own page, docs/results/STUDY.md, which contains nothing written by hand.
 
-In fusion.md and trees.md a generated block stands between a comment and `<!-- end -->`:
+In these pages a generated block stands between a comment and `<!-- end -->`:
 
 <!-- table: STUDY: TITLE -->
 <!-- table: STUDY: TITLE | rows: FIRST CELL; FIRST CELL | columns: HEAD; HEAD -->
@@ -34,7 +34,7 @@ HERE = Path(__file__).resolve().parent
 DATA = HERE / "data"
 IMAGES = HERE / "images"
 RESULTS = HERE / "results"
-PAGES = (HERE / "fusion.md", HERE / "trees.md")
+PAGES = (HERE / "fusion.md", HERE / "trees.md", HERE / "imagination.md")
 PLACE = re.compile(r"(<!-- (table|figure): (\w+): ([^|>]+?)((?: \| \w+: [^|>]+?)*) -->\n).*?(<!-- end -->)", re.DOTALL)
 KEPT = ("table", "columns", "options", "git_revision", "tasks", "done", "failed")
 

@@ -14,6 +14,8 @@ CONTROLS = (LAW, PAPER, TUNED, RETUNED, UNIFORM, CONSTANT)
 
 FBQL, FBQL_VALUE = LEARNERS = ("fbql", "fbql_value")
 """The learners that depart from the printed equations, by the names of their controllers."""
+FBQL_MODEL = "fbql_model"
+"""fbql in imagined episodes, by the name of its controller."""
 SENSED = "fbql, sensed critic"
 """fbql whose critic, too, sees only what the behaviors sense."""
 SENSED_CRITIC: Mapping[str, Any] = {"fbql_world_tilings": 0}

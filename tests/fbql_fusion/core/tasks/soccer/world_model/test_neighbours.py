@@ -28,6 +28,19 @@ def test_the_rows_found_are_no_farther_than_those_of_a_search_through_all(
     assert squares[kept] == pytest.approx(np.sort(squares)[:count])
 
 
+def test_with_many_rows_few_of_those_found_are_far_from_the_nearest() -> None:
+    rng = np.random.default_rng(1)
+    x = np.cumsum(rng.normal(size=(20_000, 6)), axis=0)  # rows along a path, as real steps are
+    neighbours = fit_neighbours(x, np.arange(float(len(x)))[:, None])
+    queries = x[rng.integers(len(x), size=50)] + rng.normal(size=(50, 6))
+    misses = 0
+    for query in queries:
+        squares = (((x - query) / neighbours.scale) ** 2).sum(axis=1)
+        (row,) = nearest(neighbours, query, 1)
+        misses += squares[int(neighbours.outputs[row, 0])] > squares.min()
+    assert misses <= 5
+
+
 def test_inputs_of_other_units_count_alike() -> None:
     rng = np.random.default_rng(1)
     x, query = rng.normal(size=(500, 4)), rng.normal(size=4)

@@ -16,6 +16,9 @@ from fbql_fusion.core.learners.linear import Floats
 
 _LEAF_ROWS = 12
 """Most rows of a node that is not divided."""
+MOST_LEAVES = 32
+"""Leaves after which a search ends with the nearest rows found so far: with many rows it is approximate, and its time is
+bounded."""
 
 
 class Neighbours(NamedTuple):
@@ -71,7 +74,7 @@ def fit_neighbours(x: Floats, y: Floats) -> Neighbours:
 
 @kernel
 def nearest(neighbours: Neighbours, x: Floats, count: int) -> NDArray[np.int64]:
-    """The rows whose inputs are nearest to x, the nearest first, [min(count, N)].
+    """The rows whose inputs are nearest to x, as far as MOST_LEAVES leaves show, the nearest first, [min(count, N)].
 
     Args:
         x: [d], or longer.
@@ -89,14 +92,15 @@ def nearest(neighbours: Neighbours, x: Floats, count: int) -> NDArray[np.int64]:
     bounds = np.empty(64)
     aside = np.zeros((64, d))
     nodes[0, 0], nodes[0, 1], nodes[0, 2], bounds[0] = 0, 0, rows, 0.0
-    waiting = 1
-    while waiting:
+    waiting, leaves = 1, 0
+    while waiting and leaves < MOST_LEAVES:
         waiting -= 1
         bound = bounds[waiting]
         if bound >= squares[found - 1]:
             continue
         node, begin, end = nodes[waiting, 0], nodes[waiting, 1], nodes[waiting, 2]
         if neighbours.axes[node] < 0:
+            leaves += 1
             for row in range(begin, end):
                 square = 0.0
                 for j in range(d):

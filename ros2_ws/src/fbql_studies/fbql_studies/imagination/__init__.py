@@ -1,0 +1,1 @@
+"""Study: how much of fbql_model is built in, and how much is learned."""
