@@ -110,7 +110,8 @@ def play(
     Args:
         behaviors: in the order of the session's.
         episode_ended: called after every episode; False ends the match there.
-        step_decided: called after every decision, if given.
+        step_decided: called after every decision, if given. Without it, behaviors whose answer nobody needs, because another
+            one is being held, are not asked.
     """
     answers = [behavior.answer for behavior in behaviors]
     while (begun := session.next_episode()) is not None:
@@ -123,6 +124,11 @@ def play(
             if world.terminated or world.truncated:
                 break
             world = loop.step(command.left_rad_s, command.right_rad_s)
+            while step_decided is None and (driver := session.held_driver) >= 0:
+                held = session.hold(world, answers[driver](world))
+                if held is None:
+                    break
+                world = loop.step(*held)
         if not episode_ended():
             return
 

@@ -12,13 +12,22 @@ from math import isfinite
 from sys import maxsize
 
 import numpy as np
+from fbql_common.core.command_space import Command
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import DRIVER_BLEND, NO_LEAF, Decision, Phase, made_of
 from fbql_recording.core.metrics import Digest
 
 from fbql_fusion.core.blending import blend
 from fbql_fusion.core.controllers.guided import Guided
-from fbql_fusion.core.controllers.interface import Controller, Drawing, JointState, Learner, Reflecting, Transition
+from fbql_fusion.core.controllers.interface import (
+    Controller,
+    Drawing,
+    Holding,
+    JointState,
+    Learner,
+    Reflecting,
+    Transition,
+)
 from fbql_fusion.core.controllers.parameters import SessionParameters, guided_episodes
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.tasks.interface import Answer, Answers, Episode, Guide, Moment, Task
@@ -89,6 +98,7 @@ class Session[M: Moment, C, R]:
         self._standstill = task.space.standstill
         self._controller = controller
         self._learner = self._controller if isinstance(self._controller, Learner) else None
+        self._holding = controller if isinstance(controller, Holding) else None
         self._guided = Guided(guide, len(self.behaviors))
         self._given = policy
         if policy is not None:
@@ -291,6 +301,48 @@ class Session[M: Moment, C, R]:
         if terminated or truncated:
             self._close(moment)
         return task.command(moment, command), made_of(Decision, decided)
+
+    @property
+    def held_driver(self) -> int:
+        """The behavior whose answer to the next moment `hold` needs; DRIVER_BLEND where `decide` is needed."""
+        if self._holding is None or self.phase is Phase.GUIDED or self._episode < 0:
+            return DRIVER_BLEND
+        driver = self._holding.held_driver
+        return driver if driver == self._driver else DRIVER_BLEND
+
+    def hold(self, moment: M, answer: Answer) -> Command | None:
+        """What `decide` would command, for those who want neither the decision nor the other behaviors' answers, which it
+        would not use.
+
+        Args:
+            moment: the next one of the episode.
+            answer: that of `held_driver` to it.
+
+        Returns:
+            None where `decide` is needed after all; nothing has happened then.
+        """
+        step, leaf_id, command = moment.step, answer.leaf_id, answer.command
+        if (
+            step != self._step + 1
+            or moment.episode != self._episode
+            or moment.terminated
+            or moment.truncated
+            or (answer.leaf_count, answer.tree_hash) != self._trees[self._driver]
+            or not 0 <= leaf_id < answer.leaf_count
+            or not answer.active
+            or not isfinite(sum(command))
+        ):
+            return None
+        assert self._holding is not None
+        reward = self._task.reward(moment)
+        self._return += reward
+        learns = self._learner is not None and self.parameters.learn and not self._degraded
+        self._holding.hold(moment, (reward, self._command) if learns else None)
+        self._steps += 1
+        self._step = step
+        self._command = command
+        self._digest.add(self._task.digest_bytes(moment, command))
+        return command
 
     def _hear(self, answers: Answers) -> tuple[JointState, Answers, bool]:
         """The joint state, the usable answers, and whether every answer is usable."""

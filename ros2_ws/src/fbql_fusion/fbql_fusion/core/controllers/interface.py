@@ -109,6 +109,26 @@ class Reflecting(Protocol):
 
 
 @runtime_checkable
+class Holding(Protocol):
+    """A controller that holds its decisions: for some steps only the answer of the behavior that drives matters."""
+
+    @property
+    def held_driver(self) -> int:
+        """The behavior that drives alone in the next step too, unless that ends the episode or the behavior can't; DRIVER_BLEND
+        where it is decided anew."""
+        ...
+
+    def hold(self, moment: Any, transition: tuple[float, Command] | None) -> None:
+        """Stands for `learn` and `select` in such a step.
+
+        Args:
+            moment: what the task reports.
+            transition: the reward of the step before and its command, if `learn` were called.
+        """
+        ...
+
+
+@runtime_checkable
 class Drawing(Protocol):
     """A controller that draws drivers at random, but also accepts given draws: for a replay that does not know the
     state of its generator."""

@@ -13,6 +13,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
+from fbql_common.core.command_space import Command
 from fbql_common.core.errors import BadInput
 from fbql_common.core.kernels import prepare
 from fbql_common.core.types import DRIVER_BLEND, Phase
@@ -308,6 +309,21 @@ class HeldDecisions(ABC):
         if transition.terminated:
             self._trajectory.terminated = True
             self._trajectory.succeeded = transition.succeeded
+
+    @property
+    def held_driver(self) -> int:
+        """See `controllers.interface.Holding`."""
+        return self._driver if self._held_for else DRIVER_BLEND
+
+    def hold(self, moment: Any, transition: tuple[float, Command] | None) -> None:
+        """See `controllers.interface.Holding`."""
+        self._held_for -= 1
+        trajectory = self._trajectory
+        if trajectory is not None and (
+            transition is None or not trajectory.add_step(self._driver, transition[0], self._holding.discount)
+        ):
+            self._trajectory = None
+        self._linked = False
 
     def _end(self, trajectory: Trajectory, situation: Situation) -> None:
         """Completes the episode, which ended in `situation`."""

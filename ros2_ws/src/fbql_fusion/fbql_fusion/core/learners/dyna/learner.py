@@ -86,6 +86,14 @@ class FbqlModel(Ppo):
         super().learn(transition)
         self._command = transition.command
 
+    def hold(self, moment: Any, transition: tuple[float, Command] | None) -> None:
+        """See `controllers.interface.Holding`."""
+        if transition is not None:
+            _, self._command = transition
+        if self._is_kept:
+            self._keep(moment, ())
+        super().hold(moment, transition)
+
     def _keep(self, moment: Any, answers: Answers) -> None:
         """Adds the step that led to a moment to the data; one that is not known ends the data of this episode."""
         if not self._has_begun:
