@@ -14,6 +14,6 @@ if sys.version_info < (3, 9):  # noqa: UP036 - this is the line that tells
     )
     sys.exit(2)
 
-from .enter import enter
+from .enter import enter, enter_ros2
 
-__all__ = ["enter"]
+__all__ = ["enter", "enter_ros2"]

@@ -5,12 +5,15 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from collections.abc import Callable
 
 from .signals import hold_signals, let_signals_in
 
 # Set to the process id when an entry starts itself again in the environment. exec keeps the process id, and no child
 # has it, so that this is never inherited by an entry that has yet to look after its environment.
 ENTERED = "_FBQL_ENTERED"
+INTERRUPTED = 130
+"""Exit code of a program that Ctrl-C ended, as a shell reports it."""
 
 
 def enter(name: str, purpose: str = "run", module: str = "") -> None:
@@ -24,12 +27,10 @@ def enter(name: str, purpose: str = "run", module: str = "") -> None:
     """
     hold_signals()
     if os.environ.pop(ENTERED, None) == str(os.getpid()):
-        if module or name == "test":
-            let_signals_in()
         if name == "test":
-            run_tests(sys.argv[1:])
+            sys.exit(interruptible(run_tests))
         if module:
-            sys.exit(importlib.import_module(module).main(sys.argv[1:]))
+            sys.exit(interruptible(importlib.import_module(module).main))
         from fbql.cli.app import run
 
         sys.exit(run(name, sys.argv[1:], f"{name}.py"))
@@ -40,6 +41,25 @@ def enter(name: str, purpose: str = "run", module: str = "") -> None:
     target, environ = environment_or_exit(purpose)
     environ[ENTERED] = str(os.getpid())
     os.execve(target.python, [str(target.python), sys.argv[0], *sys.argv[1:]], environ)
+
+
+def enter_ros2() -> None:
+    """Do what `scripts/ros2` does, and exit with its code unless another program takes this process's place."""
+    hold_signals()
+    from .ros2 import main
+
+    sys.exit(interruptible(main, let_in=False))
+
+
+def interruptible(main: Callable[[list[str]], int | None], *, let_in: bool = True) -> int | None:
+    """The exit code of `main(argv)`, in which signals act, unless it lets them in by itself; INTERRUPTED if Ctrl-C ends
+    it."""
+    try:
+        if let_in:
+            let_signals_in()
+        return main(sys.argv[1:])
+    except KeyboardInterrupt:
+        return INTERRUPTED
 
 
 def run_tests(argv: list[str]) -> None:

@@ -19,6 +19,7 @@ from typing import NoReturn
 
 from .progress import shown, write
 from .ready import ROOT, environment_or_exit
+from .signals import let_signals_in
 from .target import matches, split_path, target_for
 
 MARKERS = Path("share", "ament_index", "resource_index", "packages")
@@ -37,14 +38,13 @@ def main(argv: list[str]) -> int:
     if target_for(ROOT, os.environ).underlay and real_ros2(os.environ.get("PATH", "")) is not None:
         _, environ = environment_or_exit()
         real = str(real_ros2(environ["PATH"]))
-        os.execve(real, [real, *argv], environ)
+        become([real, *argv], environ)
     if argv and not argv[0].startswith("-") and argv[0] not in VERBS:
         write(f"'ros2 {shown(argv[0])}' needs a real ros2 (an installed ROS 2 Jazzy); here are: {', '.join(VERBS)}\n")
         return 2
     if argv and argv[0] in GRAPH:
         target, environ = environment_or_exit()
-        python = str(target.venv / "bin" / "python")
-        os.execve(python, [python, "-P", "-m", "fbql.ros2cli", *argv], environ)
+        become([str(target.venv / "bin" / "python"), "-P", "-m", "fbql.ros2cli", *argv], environ)
     arguments = make_parser().parse_args(argv)
     if arguments.work is None:
         arguments.help()
@@ -107,9 +107,17 @@ def run_executable(arguments: argparse.Namespace, packages: dict[str, Path], env
         raise NotThere("Multiple executables found:", *(f"- {path}" for path in paths))
     command = [*shlex.split(arguments.prefix or ""), *paths, *arguments.argv]
     try:
-        os.execvpe(command[0], command, environ)
+        # Our commands let signals in when they are loaded.
+        become(command, environ, let_in=arguments.package_name != "fbql" or bool(arguments.prefix))
     except OSError as error:
         raise NotThere(f"{command[0]} does not start: {error.strerror}") from None
+
+
+def become(command: list[str], environ: dict[str, str], *, let_in: bool = True) -> NoReturn:
+    """Has a program take this process's place, which inherits that signals wait unless they are let in."""
+    if let_in:
+        let_signals_in()
+    os.execvpe(command[0], command, environ)
 
 
 def list_executables(arguments: argparse.Namespace, packages: dict[str, Path], environ: dict[str, str]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import resource
 import shutil
 import signal
@@ -16,6 +15,7 @@ import pytest
 from environment import enter, ready
 from environment.signals import signals_let_in
 from environment.target import lock_entries
+from held_signals import until_interrupts_wait
 from places import ROOT
 from setup_checkout import (
     START_TIMEOUT_S,
@@ -369,22 +369,20 @@ def test_help_alone_installs_no_study_packages(
 
 
 @pytest.mark.parametrize(
-    ("command", "code", "line"),
+    ("program", "words", "code", "said"),
     [
-        (["bringup"], 1, "bringup.py: ended by SIGINT; the match had not begun"),
-        (["tree", "explain", "ball_seeking"], 130, "tree.py: interrupted"),
+        ("scripts/bringup.py", (), 1, "bringup.py: ended by SIGINT; the match had not begun\n"),
+        ("scripts/tree.py", ("explain", "ball_seeking"), 130, "tree.py: interrupted\n"),
+        ("scripts/ros2", ("run", "fbql", "tree", "explain", "ball_seeking"), 130, "tree: interrupted\n"),
+        ("benchmarks/kills.py", ("--help",), 130, ""),
     ],
 )
 def test_an_interrupt_while_a_command_is_loaded_waits_and_ends_it_without_a_traceback(
-    tmp_path: Path, command: list[str], code: int, line: str
+    tmp_path: Path, program: str, words: tuple[str, ...], code: int, said: str
 ) -> None:
-    words = [sys.executable, str(ROOT / "scripts" / f"{command[0]}.py"), *command[1:]]
-    popen = subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    blocked, interrupt = 0, 1 << (signal.SIGINT - 1)
-    while not blocked & interrupt:
-        assert popen.poll() is None, "it never made signals wait"
-        status = Path(f"/proc/{popen.pid}/status").read_text()
-        blocked = int(re.search(r"^SigBlk:\s*(\w+)$", status, re.MULTILINE)[1], 16)
+    command = [sys.executable, str(ROOT / program), *words]
+    popen = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    until_interrupts_wait(popen)
     popen.send_signal(signal.SIGINT)
     stdout, stderr = popen.communicate(timeout=START_TIMEOUT_S)
-    assert (popen.returncode, stdout, stderr) == (code, "", f"{line}\n")
+    assert (popen.returncode, stdout, stderr) == (code, "", said)

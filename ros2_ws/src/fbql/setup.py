@@ -46,8 +46,8 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "fbql = fbql.cli.app:main",
-            *(f"{command} = fbql.cli.app:executable" for command in COMMANDS),
+            "fbql = fbql.cli.entry:main",
+            *(f"{command} = fbql.cli.entry:executable" for command in COMMANDS),
         ]
     },
 )

@@ -19,9 +19,11 @@ Nothing here needs ROS or matplotlib, and nothing is imported before it is used.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # importing it would take most of the time in which a signal ends `fbql` with a traceback
 if TYPE_CHECKING:
+    from typing import Any
+
     from fbql_behaviors.core.observation import register as register_observation
     from fbql_common.core.errors import BadInput
     from fbql_fusion.core.registry import register_controller

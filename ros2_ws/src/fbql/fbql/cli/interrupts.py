@@ -9,6 +9,12 @@ from types import FrameType
 NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
+def hold_signals() -> None:
+    """Makes signals wait until `Interrupts.let_in`: while modules are imported they would end in a traceback, or be lost
+    where Python ignores exceptions."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS)
+
+
 class Interrupted(Exception):
     """A signal ended the command before there was a result; the text says so."""
 
@@ -27,7 +33,7 @@ class Interrupts:
         atexit.register(_ignore)
 
     def let_in(self) -> None:
-        """Lets signals act that came, or come, while the program is being loaded: an entry script makes them wait."""
+        """Lets signals act that came, or come, while the program is being loaded: whatever started it makes them wait."""
         signal.pthread_sigmask(signal.SIG_UNBLOCK, NUMBERS)
 
     @property
