@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import subprocess
 import sys
+from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import yaml
 from bringup_run import BEHAVIORS, Run
+from fbql.ros2cli import param
+from fbql.ros2cli.graph import Absent, show
+from fbql.ros2cli.topic import _text as message_text
 from fbql.ros2cli.topic import rate_text
 from places import ROOT
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import GetParameters
+from std_msgs.msg import String
 
 Start = Callable[..., Run]
 LINE = re.compile(r"export (ROS_DOMAIN_ID=\d+) (ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST)")
@@ -95,3 +103,48 @@ def test_a_rate_is_that_of_the_messages_in_the_window() -> None:
     assert rate_text([10.0, 10.25, 10.5, 11.0]) == (
         "average rate: 3.000\n\tmin: 0.250s max: 0.500s std dev: 0.11785s window: 3"
     )
+
+
+FORGED = "grün\x1b[2J\u202e\x85\nros2: all is well"
+
+
+def test_a_message_that_is_echoed_is_yaml_of_printable_lines() -> None:
+    shown = message_text(String(data=FORGED), None, full_length=True)
+    assert all(line.isprintable() for line in shown.split("\n"))
+    assert yaml.safe_load(shown) == {"data": FORGED}
+    assert message_text(String(data="grün 球"), None, full_length=True) == "data: grün 球\n"
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (
+            ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=FORGED),
+            "grün\\x1b[2J\\u202e\\x85\\nros2: all is well",
+        ),
+        (ParameterValue(type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=["\x1b"]), "['\\x1b']"),
+    ],
+)
+def test_a_parameter_that_is_shown_is_one_printable_line(
+    value: ParameterValue, shown: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(param, "_full_name", lambda *_: "/node")
+    monkeypatch.setattr(param, "_ask", lambda *_: GetParameters.Response(values=[value]))
+    asked = Namespace(node_name="node", parameter_name="text", spin_time=0.0, hide_type=True)
+    param.get_parameter(None, asked)  # type: ignore[arg-type] - nothing is asked for
+    assert capsys.readouterr().out == f"{shown}\n"
+
+
+def test_what_stdout_can_not_encode_is_escaped(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", stream)
+    show("grün\x1b[2J\n球")
+    assert stream.buffer.getvalue() == b"gr\\xfcn\\x1b[2J\n\\u7403\n"  # type: ignore[attr-defined]
+
+
+def test_a_parameter_of_an_unknown_type_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(param, "_full_name", lambda *_: "/node")
+    monkeypatch.setattr(param, "_ask", lambda *_: GetParameters.Response(values=[ParameterValue(type=77)]))
+    asked = Namespace(node_name="node", parameter_name="text", spin_time=0.0, hide_type=True)
+    with pytest.raises(Absent, match="Unknown parameter type '77'"):
+        param.get_parameter(None, asked)  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from time import monotonic
@@ -11,6 +12,7 @@ from typing import Any
 
 import rclpy
 from fbql_common.core.errors import BadInput
+from fbql_common.core.text import as_lines
 from fbql_common.message_types import message_class
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.node import Node
@@ -52,6 +54,13 @@ def looking_node() -> Generator[Node]:
         )
     finally:
         rclpy.try_shutdown()
+
+
+def show(text: object) -> None:
+    """Prints what others say, in its lines: with everything escaped that is not printable, or that stdout can't encode."""
+    encoding = sys.stdout.encoding or "utf-8"
+    lines = as_lines(str(text).split("\n"))
+    print(lines.encode(encoding, "backslashreplace").decode(encoding), flush=True)
 
 
 def until(node: Node, condition: Callable[[], object], patience_s: float) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from fbql.ros2cli.graph import Absent, absolute, add_graph_options, is_hidden, settle, until
+from fbql.ros2cli.graph import Absent, absolute, add_graph_options, is_hidden, settle, show, until
 
 VERBS = ("list", "info")
 _ACTION = "/_action/"
@@ -47,7 +47,7 @@ def list_nodes(node: Node, arguments: argparse.Namespace) -> None:
     """`ros2 node list`."""
     settle(node, lambda: names_of(node), arguments.spin_time)
     names = [name for name in names_of(node) if arguments.all or not is_hidden(name)]
-    print(len(names) if arguments.count_nodes else "\n".join(names))
+    show(len(names) if arguments.count_nodes else "\n".join(names))
 
 
 def show_info(node: Node, arguments: argparse.Namespace) -> None:
@@ -66,11 +66,11 @@ def show_info(node: Node, arguments: argparse.Namespace) -> None:
         }
 
     settle(node, found, arguments.spin_time)
-    print(absolute(arguments.node_name))
+    show(absolute(arguments.node_name))
     for what, entries in {**found(), "Action Servers": [], "Action Clients": []}.items():
-        print(f"  {what}:")
+        show(f"  {what}:")
         for name, types in sorted(entries):
             if arguments.include_hidden or not (is_hidden(name) or _ACTION in name):
-                print(f"    {name}: {', '.join(types)}")
+                show(f"    {name}: {', '.join(types)}")
         if what.startswith(("Service Clients", "Action")):
-            print()
+            show("")

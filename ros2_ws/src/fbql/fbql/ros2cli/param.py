@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from fbql_common.core.text import one_line
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
 
-from fbql.ros2cli.graph import PATIENCE_S, Absent, add_graph_options, is_hidden, settle, until
+from fbql.ros2cli.graph import PATIENCE_S, Absent, add_graph_options, is_hidden, settle, show, until
 from fbql.ros2cli.node import find_node, names_of
 
 VERBS = ("list", "get")
@@ -45,15 +46,15 @@ def list_parameters(node: Node, arguments: argparse.Namespace) -> None:
     """`ros2 param list`."""
     if arguments.node_name is not None:
         for name in _names(node, _full_name(node, arguments.node_name, arguments.spin_time)):
-            print(f"  {name}")
+            show(f"  {name}")
         return
     settle(node, lambda: names_of(node), arguments.spin_time)
     services = {name for name, _ in node.get_service_names_and_types()}
     for each in names_of(node):
         if f"{each}/list_parameters" in services and (arguments.include_hidden_nodes or not is_hidden(each)):
-            print(f"{each}:")
+            show(f"{each}:")
             for name in _names(node, each):
-                print(f"  {name}")
+                show(f"  {name}")
 
 
 def get_parameter(node: Node, arguments: argparse.Namespace) -> None:
@@ -64,10 +65,12 @@ def get_parameter(node: Node, arguments: argparse.Namespace) -> None:
     if not values or values[0].type == ParameterType.PARAMETER_NOT_SET:
         raise Absent("Parameter not set")
     words, value = _in_words(values[0])
-    print(value if arguments.hide_type else f"{words} {value}")
+    show(one_line(value if arguments.hide_type else f"{words} {value}"))
 
 
 def _in_words(value: ParameterValue) -> tuple[str, Any]:
+    if value.type not in _KINDS:
+        raise Absent(f"Unknown parameter type '{value.type}'")
     words, field = _KINDS[value.type]
     held = getattr(value, field)
     return words, held if isinstance(held, bool | int | float | str) else list(held)

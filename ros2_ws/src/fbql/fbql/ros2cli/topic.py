@@ -16,7 +16,7 @@ import yaml
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 
-from fbql.ros2cli.graph import Absent, absolute, add_graph_options, class_of, is_hidden, settle, until
+from fbql.ros2cli.graph import Absent, absolute, add_graph_options, class_of, is_hidden, settle, show, until
 
 VERBS = ("list", "info", "echo", "hz")
 _WINDOW = 10000
@@ -69,7 +69,7 @@ def list_topics(node: Node, arguments: argparse.Namespace) -> None:
         print(len(topics))
         return
     for name, types in topics:
-        print(f"{name} [{', '.join(types)}]" if arguments.show_types else name)
+        show(f"{name} [{', '.join(types)}]" if arguments.show_types else name)
 
 
 def show_info(node: Node, arguments: argparse.Namespace) -> None:
@@ -83,12 +83,12 @@ def show_info(node: Node, arguments: argparse.Namespace) -> None:
 
     settle(node, lambda: [len(each) for each in endpoints()], arguments.spin_time)
     types = _types(node, name)
-    print(f"Type: {types[0] if len(types) == 1 else types}")
+    show(f"Type: {types[0] if len(types) == 1 else types}")
     for what, found in zip(("Publisher", "Subscription"), endpoints(), strict=True):
         blank = "\n" if arguments.verbose else ""
-        print(f"{blank}{what} count: {len(found)}")
+        show(f"{blank}{what} count: {len(found)}")
         for endpoint in found if arguments.verbose else ():
-            print(f"\n{endpoint}")
+            show(f"\n{endpoint}")
 
 
 def echo(node: Node, arguments: argparse.Namespace) -> None:
@@ -98,14 +98,14 @@ def echo(node: Node, arguments: argparse.Namespace) -> None:
     until(node, lambda: node.count_publishers(name), 0.0 if arguments.message_type else arguments.spin_time)
     printed = False
 
-    def show(message: Any) -> None:
+    def hear(message: Any) -> None:
         nonlocal printed
         if printed and arguments.once:
             return
         printed = True
-        print(_text(message, arguments.field, arguments.full_length), end="---\n", flush=True)
+        show(f"{_text(message, arguments.field, arguments.full_length)}---")
 
-    node.create_subscription(kind, name, show, _matching_qos(node, name))
+    node.create_subscription(kind, name, hear, _matching_qos(node, name))
     while not (printed and arguments.once):
         rclpy.spin_once(node, timeout_sec=_LOOK_S)
 
@@ -173,9 +173,13 @@ def _text(message: Any, field: str | None, full_length: bool) -> str:
         if part and part not in message.get_fields_and_field_types():
             raise Absent(f"Invalid field '{field}': '{type(message).__name__}' has no field '{part}'")
         message = getattr(message, part) if part else message
-    return yaml.dump(
-        _plain(message, full_length), sort_keys=False, allow_unicode=True, width=float("inf")
-    ).removesuffix("...\n")
+    value = _plain(message, full_length)
+    text = yaml.dump(value, sort_keys=False, allow_unicode=True, width=float("inf"))
+    if not all(line.isprintable() for line in text.split("\n")):
+        text = yaml.dump(
+            value, sort_keys=False, width=float("inf")
+        )  # YAML leaves marks that turn the direction of writing
+    return text.removesuffix("...\n")
 
 
 def _plain(value: Any, full_length: bool) -> Any:
