@@ -10,6 +10,7 @@ graph needs ROS, so it is a program in the environment: `fbql.ros2cli`.
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 import shlex
 import shutil
@@ -35,6 +36,25 @@ class NotThere(Exception):
 
 def main(argv: list[str]) -> int:
     """Do what `ros2 ARGV` does. Returns an exit code, or does not return: the executable takes this process's place."""
+    try:
+        try:
+            return answer(argv)
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+    except OSError as error:
+        if error.errno not in (errno.EPIPE, errno.ENOSPC):
+            raise
+        # What is still buffered must not fail once more when Python exits. A reader that left is no error.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if error.errno == errno.EPIPE:
+            return 0
+        write(f"ros2: stdout: cannot be written ({error.strerror}); make room there, or choose another place\n")
+        return 1
+
+
+def answer(argv: list[str]) -> int:
+    """As `main`, for readers of stdout that stay."""
     if target_for(ROOT, os.environ).underlay and real_ros2(os.environ.get("PATH", "")) is not None:
         _, environ = environment_or_exit()
         real = str(real_ros2(environ["PATH"]))
@@ -52,13 +72,9 @@ def main(argv: list[str]) -> int:
     _, environ = environment_or_exit()
     try:
         arguments.work(arguments, find_packages(split_path(environ["AMENT_PREFIX_PATH"])), environ)
-        sys.stdout.flush()
     except NotThere as error:
         write("".join(f"{shown(line)}\n" for line in error.args))
         return 1
-    except BrokenPipeError:
-        # A reader that left is no error; what is still buffered must not fail when Python exits.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
 
 

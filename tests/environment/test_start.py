@@ -263,13 +263,28 @@ def test_the_lookup_prints_what_ros2_prints(checkout: Path) -> None:
     assert full.stdout == f"{prefix}/lib/speaker/speak\n"
 
 
-def test_a_reader_that_left_is_no_error(checkout: Path) -> None:
+@pytest.mark.parametrize("words", [("pkg", "list"), ("--help",), ("run", "--help"), ("pkg",)], ids=" ".join)
+def test_a_reader_that_left_is_no_error(checkout: Path, words: tuple[str, ...]) -> None:
     read, write = os.pipe()
     os.close(read)
-    words, environ = command(checkout, "ros2", "pkg", "list"), fresh_environment()
-    said = subprocess.run(words, env=environ, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    environ = fresh_environment()
+    environ.pop("PYTHONUNBUFFERED", None)
+    said = subprocess.run(
+        command(checkout, "ros2", *words), env=environ, stdout=write, stderr=subprocess.PIPE, text=True, check=False
+    )
     os.close(write)
     assert (said.returncode, said.stderr) == (0, "")
+
+
+def test_a_full_disk_is_one_line(checkout: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        words = command(checkout, "ros2", "pkg", "list")
+        said = subprocess.run(
+            words, env=fresh_environment(), stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert said.returncode == 1
+    assert said.stderr.count("\n") == 1
+    assert "stdout: cannot be written (No space left on device)" in said.stderr
 
 
 @pytest.mark.parametrize("arguments", [("run", "{}", "x"), ("pkg", "executables", "{}"), ("pkg", "{}"), ("{}",)])

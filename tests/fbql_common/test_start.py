@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -62,3 +63,39 @@ def test_an_interrupt_while_a_program_is_imported_prints_no_traceback(tmp_path: 
     code = "import sys; from fbql_common.start import start; sys.exit(start('slow', 'main'))"
     said = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (said.returncode, said.stdout, said.stderr) == (130, "", "")
+
+
+HELP = "import sys; from fbql_common.start import start; sys.argv = ['x', '--help']; sys.exit(start('told', 'main'))"
+
+
+@pytest.fixture
+def told(tmp_path: Path) -> Path:
+    """A directory with a module whose help has a character that ASCII lacks."""
+    (tmp_path / "told.py").write_text('"""It drives, m²."""\nPARAMETERS = ()\n', encoding="utf-8")
+    return tmp_path
+
+
+def test_help_whose_reader_left_is_no_error(told: Path) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    said = subprocess.run([sys.executable, "-c", HELP], cwd=told, stdout=write, stderr=subprocess.PIPE, check=False)
+    os.close(write)
+    assert (said.returncode, said.stderr) == (0, b"")
+
+
+def test_help_is_printed_in_ascii_too(told: Path) -> None:
+    ascii_ = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    said = subprocess.run([sys.executable, "-c", HELP], cwd=told, env=ascii_, capture_output=True, check=False)
+    assert (said.returncode, said.stderr) == (0, b"")
+    assert b"It drives, m\\xb2." in said.stdout
+
+
+def test_help_that_does_not_fit_on_the_disk_is_one_line(told: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        said = subprocess.run(
+            [sys.executable, "-c", HELP], cwd=told, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert said.returncode == 1
+    assert (
+        said.stderr == "stdout: cannot be written (No space left on device); make room there, or choose another place\n"
+    )

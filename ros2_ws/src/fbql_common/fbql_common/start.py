@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 from pathlib import Path
 
-from fbql_common.core.text import one_line
+from fbql_common.core.text import encodable, one_line
+from fbql_common.files import remedy
 from fbql_common.middleware import absent_middleware
 from fbql_common.node_help import asks_for_help, help_text
 
-DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 def start(module: str, function: str) -> int:
@@ -29,7 +31,20 @@ def start(module: str, function: str) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     if asks_for_help(sys.argv[1:]):
-        print(help_text(Path(sys.argv[0]).name, home.__doc__ or "", home.PARAMETERS))
+        text = help_text(Path(sys.argv[0]).name, home.__doc__ or "", home.PARAMETERS)
+        try:
+            print(encodable(text, sys.stdout.encoding), flush=True)
+        except OSError as error:
+            return stdout_failed(error)
         return DONE
     program = getattr(home, function)
     return program()
+
+
+def stdout_failed(error: OSError) -> int:
+    """The exit code where stdout could not be written: a reader that left is no error, a full disk is said in a line."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python would fail once more when it ends
+    if isinstance(error, BrokenPipeError):
+        return DONE
+    print(f"stdout: cannot be written ({error.strerror}); {remedy(error)}", file=sys.stderr)
+    return FAILED

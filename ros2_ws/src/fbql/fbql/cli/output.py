@@ -17,7 +17,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, TextIO
 
-from fbql_common.core.text import as_lines, one_line
+from fbql_common.core.text import as_lines, encodable, one_line
 from fbql_common.files import DISK_FAILURES, remedy
 
 from fbql.cli.exit_codes import BAD_INPUT, FAILED
@@ -64,7 +64,7 @@ def print_result(text: str) -> None:
     """
     stream = _results or sys.stdout
     try:
-        print(_encodable(as_lines(text.split("\n")), stream), file=stream, flush=True)
+        print(encodable(as_lines(text.split("\n")), stream.encoding), file=stream, flush=True)
     except OSError as error:
         _silence(stream)
         if error.errno not in (errno.EPIPE, errno.EIO):
@@ -213,16 +213,10 @@ def writing(path: Path | str) -> Generator[None]:
 def write(stream: TextIO, text: str) -> None:
     """Writes text that is escaped. A terminal that was closed is no error."""
     try:
-        stream.write(_encodable(text, stream))
+        stream.write(encodable(text, stream.encoding))
         stream.flush()
     except OSError:
         _silence(stream)
-
-
-def _encodable(text: str, stream: TextIO) -> str:
-    """The text with what the stream's encoding lacks escaped."""
-    encoding = stream.encoding or "utf-8"
-    return text.encode(encoding, "backslashreplace").decode(encoding)
 
 
 def _silence(stream: TextIO) -> None:

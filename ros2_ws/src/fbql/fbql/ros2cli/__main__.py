@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable, Sequence
+from errno import ENOSPC, EPIPE
 from typing import NoReturn
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.text import one_line
 from fbql_common.middleware import prepare_node, set_aside_absent_middleware
+from fbql_common.start import stdout_failed
 
 BAD_INPUT, FAILED, DONE, INTERRUPTED = 2, 1, 0, 130
 
@@ -27,9 +28,10 @@ def main(argv: Sequence[str]) -> int:
         return BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return DONE
+    except OSError as error:
+        if error.errno not in (EPIPE, ENOSPC):
+            raise
+        return stdout_failed(error)
 
 
 def _work(work: Callable[..., None], arguments: argparse.Namespace) -> int:

@@ -12,7 +12,7 @@ from typing import Any
 
 import rclpy
 from fbql_common.core.errors import BadInput
-from fbql_common.core.text import as_lines
+from fbql_common.core.text import as_lines, encodable
 from fbql_common.message_types import message_class
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.node import Node
@@ -58,9 +58,7 @@ def looking_node() -> Generator[Node]:
 
 def show(text: object) -> None:
     """Prints what others say, in its lines: with everything escaped that is not printable, or that stdout can't encode."""
-    encoding = sys.stdout.encoding or "utf-8"
-    lines = as_lines(str(text).split("\n"))
-    print(lines.encode(encoding, "backslashreplace").decode(encoding), flush=True)
+    print(encodable(as_lines(str(text).split("\n")), sys.stdout.encoding), flush=True)
 
 
 def until(node: Node, condition: Callable[[], object], patience_s: float) -> bool:

@@ -29,3 +29,9 @@ def quoted(value: object) -> str:
 def as_lines(lines: Iterable[object]) -> str:
     """The texts as lines, each as `one_line`."""
     return "\n".join(map(one_line, lines))
+
+
+def encodable(text: str, encoding: str | None) -> str:
+    """The text with what an encoding lacks escaped."""
+    encoding = encoding or "utf-8"
+    return text.encode(encoding, "backslashreplace").decode(encoding)
