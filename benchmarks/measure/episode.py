@@ -12,7 +12,8 @@ sensing   Behavior.answer of every behavior to the same worlds
 decide    Session.decide on the same worlds and answers, learning included
 
 `steps_per_s` is of the whole, `physics_steps_per_s` of bare, `ratio` is the median over rounds of whole / bare. `step_us`
-breaks down the time of a step: each part excludes the part that it contains. The clock is the processor time of this
+breaks down the time of a step: each part excludes the part that it contains. While a decision is held, the whole asks only the
+behavior that drives; sensing and decide ask all of them, so that `between` may be below 0. The clock is the processor time of this
 process, so that other programs on the machine hardly matter.
 """
 
