@@ -8,10 +8,15 @@ from fbql.statistics.inference import (
     RESAMPLES,
     Resamples,
     Sums,
+    clustered_p_value,
     clustered_ratio,
+    holm,
+    interquartile_mean,
     mean_interval,
     paired_p_value,
+    probability_of_improvement,
     ratio_of_sums,
+    student_p_value,
     wilson_interval,
 )
 
@@ -99,3 +104,93 @@ def test_the_interval_of_a_share_is_wilsons() -> None:
     assert ends == pytest.approx((0.490162, 0.943318), abs=1e-6)  # Wilson 1927, by hand
     assert wilson_interval(0, 5).low == pytest.approx(0.0, abs=1e-12)
     assert wilson_interval(5, 5).high == 1.0
+
+
+def test_the_interquartile_mean_leaves_out_a_quarter_at_either_end() -> None:
+    assert interquartile_mean([9.0, 1.0, 3.0, 2.0], [1, 1, 2, 2]).estimate == 2.5
+    assert interquartile_mean([9.0, 1.0, 3.0], [1, 1, 2]).estimate == pytest.approx(13 / 3)  # a quarter of 3 is no run
+    assert interquartile_mean([float("inf"), 1.0, 3.0, 2.0, 4.0], [1] * 5).estimate == 3.0
+    stats = pytest.importorskip("scipy.stats")
+    values = np.random.default_rng(3).lognormal(size=37).tolist()
+    assert interquartile_mean(values, [0] * 37).estimate == pytest.approx(stats.trim_mean(values, 0.25))
+
+
+def test_the_interval_of_the_interquartile_mean_is_that_of_resampled_runs() -> None:
+    values = np.random.default_rng(4).normal(10.0, 2.0, size=24)
+    clusters = [k // 6 for k in range(24)]
+    one_by_one = [
+        np.sort(np.repeat(values, row))[runs // 4 : runs - runs // 4].mean()
+        for row in Resamples(clusters).counts.astype(int)
+        for runs in [row.sum()]
+    ]
+    _, low, high = interquartile_mean(values.tolist(), clusters)
+    assert (low, high) == pytest.approx(np.percentile(one_by_one, [2.5, 97.5]))
+
+
+def test_improvement_is_the_share_of_pairs_within_tree_sets_and_equal_costs_count_half() -> None:
+    # tree set 1: of 4 pairs ours is less in 3; tree set 2: less in 0, equal in 1 of 4
+    ours, theirs = [1.0, 3.0, 9.0, 8.0], [2.0, 4.0, 8.0, 7.0]
+    assert probability_of_improvement(ours, theirs, [1, 1, 2, 2]).estimate == pytest.approx((3 / 4 + 0.5 / 4) / 2)
+    assert probability_of_improvement(theirs, ours, [1, 1, 2, 2]).estimate == pytest.approx((1 / 4 + 3.5 / 4) / 2)
+    assert probability_of_improvement([1.0] * 4, [2.0] * 4, [1, 1, 2, 2]) == (1.0, 1.0, 1.0)
+    assert probability_of_improvement([2.0] * 4, [2.0] * 4, [1, 1, 2, 2]) == (0.5, 0.5, 0.5)
+
+
+def test_improvement_within_one_tree_set_is_the_mann_whitney_statistic() -> None:
+    stats = pytest.importorskip("scipy.stats")
+    rng = np.random.default_rng(6)
+    ours, theirs = rng.integers(0, 9, size=12).astype(float), rng.integers(1, 10, size=12).astype(float)
+    found = probability_of_improvement(ours.tolist(), theirs.tolist(), [0] * 12)
+    assert found.estimate == pytest.approx(stats.mannwhitneyu(theirs, ours).statistic / 144)
+    assert found.low < found.estimate < found.high
+
+
+def test_tree_sets_that_disagree_widen_the_interval_of_an_improvement() -> None:
+    ours, theirs = [1.0] * 6 + [3.0] * 6, [2.0] * 12
+    clustered = probability_of_improvement(ours, theirs, [0] * 6 + [1] * 6)
+    independent = probability_of_improvement(ours, theirs, list(range(12)))
+    assert clustered == (0.5, 0.0, 1.0)
+    assert (independent.low, independent.high) == pytest.approx((0.25, 0.75), abs=0.06)
+
+
+def test_one_pair_alone_has_no_interval_of_improvement_and_one_run_none_of_the_interquartile_mean() -> None:
+    assert probability_of_improvement([1.0], [2.0], [1])[0] == 1.0
+    assert interquartile_mean([3.0], [1])[0] == 3.0
+    assert np.isnan([*probability_of_improvement([1.0], [2.0], [1])[1:], *interquartile_mean([3.0], [1])[1:]]).all()
+
+
+@pytest.mark.parametrize(
+    ("t", "degrees", "p"),
+    [
+        (12.706, 1, 0.05), (4.303, 2, 0.05), (3.182, 3, 0.05), (2.776, 4, 0.05), (2.571, 5, 0.05), (2.228, 10, 0.05),
+        (-4.604, 4, 0.01), (63.657, 1, 0.01), (0.0, 3, 1.0), (0.0, 4, 1.0),
+    ],
+)  # fmt: skip
+def test_p_of_students_t_is_that_of_the_printed_tables(t: float, degrees: int, p: float) -> None:
+    assert student_p_value(t, degrees) == pytest.approx(p, rel=1e-3)
+
+
+def test_p_over_tree_sets_counts_tree_sets_and_not_runs() -> None:
+    # logarithms of the ratios -1, -2, -3: t = -2 / (1 / sqrt 3), with 2 degrees
+    costs = np.exp([-1.0, -2.0, -3.0]).tolist()
+    assert clustered_p_value(costs, [1.0] * 3, [1, 2, 3]) == pytest.approx(1 - np.sqrt(12) / np.sqrt(14))
+    many = clustered_p_value(costs * 8, [1.0] * 24, [1, 2, 3] * 8)
+    assert many == pytest.approx(clustered_p_value(costs, [1.0] * 3, [1, 2, 3]))
+    assert paired_p_value(costs * 8, [1.0] * 24) < many / 100
+    stats = pytest.importorskip("scipy.stats")
+    logs = [0.3, -0.1, 0.5, 0.25]
+    assert clustered_p_value(np.exp(logs).tolist(), [1.0] * 4, [1, 2, 3, 4]) == pytest.approx(
+        stats.ttest_1samp(logs, 0.0).pvalue
+    )
+
+
+def test_p_over_tree_sets_is_not_known_from_one_and_is_sharp_where_all_agree() -> None:
+    assert np.isnan(clustered_p_value([1.0, 2.0], [2.0, 3.0], [7, 7]))
+    assert clustered_p_value([1.0, 1.0], [2.0, 2.0], [1, 2]) == 0.0
+    assert clustered_p_value([2.0, 2.0], [2.0, 2.0], [1, 2]) == 1.0
+
+
+def test_holm_multiplies_each_p_by_the_tests_that_are_left_and_keeps_their_order() -> None:
+    assert holm([0.01, 0.04, 0.03, None, 0.005]) == pytest.approx([0.03, 0.06, 0.06, None, 0.02])
+    assert holm([0.5, 0.6]) == [1.0, 1.0]
+    assert holm([]) == [] and holm([None]) == [None]

@@ -20,6 +20,7 @@ from fbql.cli.output import LiveLine, complain, json_text, print_result, warn, w
 from fbql.cli.parser import RUN_HELP, Parser, add_json_option, add_recording_options, output_path, without_effect
 from fbql.cli.words import counted
 from fbql.report.comparison import (
+    IQM,
     MEASURES,
     Group,
     Pair,
@@ -121,7 +122,7 @@ def _words(results: Sequence[RunResult], groups: Sequence[Group], pairs: Sequenc
 def _short_row(group: Group) -> dict[str, Any]:
     """Each measure with its interval in one cell."""
     row: dict[str, Any] = {"group": group.letter, "runs": len(group.runs)}
-    for measure in MEASURES:
+    for measure in (*MEASURES, IQM):
         value, low, high = (group.row[f"{measure}{end}"] for end in ("", "_low", "_high"))
         interval = "" if low is None or high is None else f" ({low:.4g} to {high:.4g})"
         row[measure.replace("_", " ")] = None if value is None else f"{value:.4g}{interval}"
@@ -131,5 +132,13 @@ def _short_row(group: Group) -> dict[str, Any]:
 def _pair_words(pair: Pair) -> str:
     ratio = "n/a" if pair.cost_ratio is None else f"{pair.cost_ratio:.3g}"
     p = "n/a" if pair.p is None else f"{pair.p:.3g}"
+    if pair.p_holm is not None and pair.p_holm != pair.p:
+        p += f", {pair.p_holm:.3g} adjusted for all comparisons (Holm)"
+    improves = "n/a" if pair.improves is None else f"{pair.improves:.2f}"
+    if pair.improves_low is not None and pair.improves_high is not None:
+        improves += f" ({pair.improves_low:.2f} to {pair.improves_high:.2f})"
     seeds = counted(pair.seeds, "shared seed")
-    return f"{pair.letter} against {pair.against}: ratio of steps per goal {ratio}, over {seeds}; p = {p}"
+    return (
+        f"{pair.letter} against {pair.against}: ratio of steps per goal {ratio}, over {seeds}; p = {p}; "
+        f"probability that a run costs less {improves}"
+    )

@@ -11,7 +11,7 @@ import hashlib
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,13 +27,22 @@ from fbql_recording.run_files import read_inside
 
 from fbql.report.contents import counted
 from fbql.report.texts import plain, value_text
-from fbql.statistics.inference import Interval, paired_p_value, ratio_of_sums
+from fbql.statistics.inference import (
+    Interval,
+    holm,
+    interquartile_mean,
+    paired_p_value,
+    probability_of_improvement,
+    ratio_of_sums,
+)
 
 POLICY = "policy before"
 TREE = "tree of "
 """Prefix of a behavior's name."""
 MOST_NAMED = 8
 """Most differences that a label names."""
+IQM = "iqm_cost"
+"""The interquartile mean of steps per goal over runs."""
 FEW_RUNS = 5
 """With fewer runs than this a bootstrap interval is too narrow."""
 _SEED = "seed"
@@ -64,6 +73,11 @@ class RunResult:
     """episodes, goals, own_goals, timeouts, steps, collisions, contact_steps."""
     digest: str | None
     is_complete: bool
+
+    @property
+    def cost(self) -> float:
+        """Steps per goal; a run without a goal costs all its steps, as in `fbql.statistics.runs`."""
+        return self.counts["steps"] / max(self.counts["goals"], 1)
 
     def ratio(self, measure: str) -> float | None:
         """A measure of this run; None: not available."""
@@ -105,10 +119,12 @@ class Group:
 
     @property
     def row(self) -> dict[str, Any]:
-        """The group as a row of a table: each measure with the ends of its interval."""
+        """The group as a row of a table: each measure with the ends of its interval, and the interquartile mean of the cost."""
         row: dict[str, Any] = {"kind": self.letter, "runs": len(self.runs)}
-        for measure in MEASURES:
-            found = self.interval(measure)
+        has_goals = any(run.counts["goals"] for run in self.runs)
+        # The runs of a group have the same trees: there is one cluster.
+        iqm = interquartile_mean([run.cost for run in self.runs], [0] * len(self.runs)) if has_goals else None
+        for measure, found in {**{each: self.interval(each) for each in MEASURES}, IQM: iqm}.items():
             row |= {measure: None, f"{measure}_low": None, f"{measure}_high": None}
             if found is not None:
                 row |= zip((measure, f"{measure}_low", f"{measure}_high"), map(_finite, found), strict=True)
@@ -313,6 +329,14 @@ class Pair:
     """Steps per goal, divided by the other group's, over the seeds that both have; None without a goal."""
     p: float | None
     """p of the paired test that both cost the same; None with fewer than two seeds."""
+    p_holm: float | None
+    """The same, adjusted by Holm for all groups that are compared with the first."""
+    improves: float | None
+    """Probability that a run costs less than one of the other group; None without a shared seed."""
+    improves_low: float | None
+    """The lower end of its 95 % interval."""
+    improves_high: float | None
+    """The upper end."""
 
 
 def pairs_of(groups: Sequence[Group]) -> list[Pair]:
@@ -320,18 +344,19 @@ def pairs_of(groups: Sequence[Group]) -> list[Pair]:
     if not groups:
         return []
     first = {run.seed: run for run in groups[0].runs if run.seed is not None}
-    pairs: list[Pair] = []
+    found: list[tuple[str, int, float | None, float | None, Interval]] = []
     for group in groups[1:]:
         both = [(run, first[run.seed]) for run in group.runs if run.seed in first]
         costs = [_cost([pair[side] for pair in both]) for side in (0, 1)]
         ratio = costs[0] / costs[1] if costs[0] is not None and costs[1] else None
-        # A run without a goal costs all its steps, as in fbql.statistics.runs.
-        ours, theirs = (
-            [pair[side].counts["steps"] / max(pair[side].counts["goals"], 1) for pair in both] for side in (0, 1)
-        )
-        p = _finite(paired_p_value(ours, theirs))
-        pairs.append(Pair(group.letter, groups[0].letter, len(both), ratio, p))
-    return pairs
+        ours, theirs = ([pair[side].cost for pair in both] for side in (0, 1))
+        improves = probability_of_improvement(ours, theirs, [0] * len(both)) if both else Interval(nan, nan, nan)
+        found.append((group.letter, len(both), ratio, _finite(paired_p_value(ours, theirs)), improves))
+    adjusted = holm([p for _, _, _, p, _ in found])
+    return [
+        Pair(letter, groups[0].letter, seeds, ratio, p, p_holm, *map(_finite, improves))
+        for (letter, seeds, ratio, p, improves), p_holm in zip(found, adjusted, strict=True)
+    ]
 
 
 def _cost(runs: Sequence[RunResult]) -> float | None:

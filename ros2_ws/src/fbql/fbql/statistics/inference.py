@@ -6,7 +6,7 @@ Bootstraps and permutation tests draw from a generator with a fixed seed, so tha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import nan, sqrt
+from math import atan, nan, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -135,6 +135,74 @@ class Resamples:
         return np.vstack([estimate, np.array([_bounds(own) for own in ratios.T]).T])
 
 
+def interquartile_mean(values: Sequence[float], clusters: Sequence[int]) -> Interval:
+    """The mean over runs without the lowest and the highest quarter of them, with the two-stage bootstrap (`Resamples`).
+
+    One bad run moves it less than the mean, and it is less noisy than the median. Of n runs, floor(n / 4) are left out at
+    either end, as by SciPy's `trim_mean`.
+
+    Source: Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice (2021), section 4.3. Their
+    bootstrap is stratified: over the runs of each task, which are fixed. Here tree sets are the strata; they are a
+    sample themselves, and are drawn as well.
+
+    Args:
+        clusters: the tree set of each run. A single run has no interval (NaN ends).
+    """
+    scores = np.array(values, dtype=np.float64)
+    order = np.argsort(scores, kind="stable")
+    estimate = _trimmed_means(np.ones((1, len(scores))), scores[order])[0]
+    low, high = nan, nan
+    if len(scores) > 1:
+        low, high = _bounds(_trimmed_means(Resamples(clusters).counts[:, order], scores[order]))
+    return Interval(float(estimate), low, high)
+
+
+def _trimmed_means(counts: npt.NDArray[np.float64], ordered: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """The interquartile mean of each resample, [resamples], of values in ascending order.
+
+    Args:
+        counts: how often each value was drawn, [resamples, values].
+    """
+    after = np.cumsum(counts, axis=1)
+    drawn = after[:, -1:]
+    cut = np.floor(drawn / 4)
+    kept = np.diff(np.clip(after, cut, drawn - cut), axis=1, prepend=cut)
+    with np.errstate(invalid="ignore"):  # an infinite value that is not kept
+        return np.where(kept > 0, kept * ordered, 0.0).sum(axis=1) / kept.sum(axis=1)
+
+
+def probability_of_improvement(ours: Sequence[float], theirs: Sequence[float], clusters: Sequence[int]) -> Interval:
+    """The probability that a run of ours costs less than one of theirs on the same tree set; equal ones count half.
+
+    Within a tree set it is the share of all pairs of a run of ours and one of theirs (the Mann-Whitney U statistic); over
+    tree sets it is the mean. The interval is that of the two-stage bootstrap (`Resamples`): tree sets are drawn, then runs, ours
+    and theirs together, because they are paired.
+
+    Source: Agarwal et al. (2021), section 4.3, with tree sets for tasks, and cost for the negative of a score.
+
+    Args:
+        ours, theirs: the cost of each run, paired.
+        clusters: the tree set of each pair. A single pair has no interval (NaN ends).
+    """
+    mine, others = np.array(ours, dtype=np.float64), np.array(theirs, dtype=np.float64)
+    wins = (mine[:, None] < others) + 0.5 * (mine[:, None] == others)
+    kinds = np.array(clusters)
+    parts = [np.flatnonzero(kinds == each) for each in sorted(set(clusters))]
+    shares = [float(wins[np.ix_(part, part)].mean()) for part in parts]
+    estimate = sum(shares) / len(shares)
+    if len(mine) < 2:
+        return Interval(estimate, nan, nan)
+    counts = Resamples(clusters).counts
+    total = np.zeros(len(counts))
+    for part in parts:
+        drawn = counts[:, part]
+        runs = drawn.sum(axis=1)
+        pairs = np.einsum("ri,ij,rj->r", drawn, wins[np.ix_(part, part)], drawn, optimize=True)
+        # runs / len(part) is how often the tree set was drawn
+        total += np.divide(pairs, runs * len(part), out=np.zeros(len(counts)), where=runs > 0)
+    return Interval(estimate, *_bounds(total / len(parts)))
+
+
 def mean_interval(values: Sequence[float]) -> Interval:
     """The mean over runs, with the percentile bootstrap over the runs; a single run has no interval (NaN ends)."""
     return ratio_of_sums(values, [1.0] * len(values))
@@ -169,3 +237,57 @@ def paired_p_value(ours: Sequence[float], theirs: Sequence[float]) -> float:
     means = np.abs((signs * differences).mean(axis=1))
     # Equal means may differ in the last bit, hence the tolerance.
     return float((1 + (means >= observed * (1 - 1e-12)).sum()) / (RESAMPLES + 1))
+
+
+def clustered_p_value(ours: Sequence[float], theirs: Sequence[float], clusters: Sequence[int]) -> float:
+    """Two-sided p that ours and theirs cost the same, with one number per tree set: runs on the same trees are alike.
+
+    The number is the mean over the tree set's runs of log(ours / theirs), both above 0; the test is Student's t test that its
+    mean over tree sets is 0. Where all runs are of one tree set, it says nothing about others: NaN.
+
+    Source: Hayes & Moulton, Cluster Randomised Trials (2017), section 10.3 (analysis of cluster summaries).
+    """
+    logs = np.log(np.array(ours, dtype=np.float64) / np.array(theirs, dtype=np.float64))
+    kinds = np.array(clusters)
+    means = np.array([logs[kinds == each].mean() for each in sorted(set(clusters))])
+    n = len(means)
+    if n < 2:
+        return nan
+    spread = float(means.std(ddof=1))
+    if spread <= 1e-12 * abs(means).max():
+        return 0.0 if abs(means).max() else 1.0  # tree sets that agree to the last bit
+    return student_p_value(float(means.mean()) / (spread / sqrt(n)), n - 1)
+
+
+def student_p_value(t: float, degrees: int) -> float:
+    """Two-sided p of Student's t with a whole number of degrees of freedom.
+
+    Source: Abramowitz & Stegun, Handbook of Mathematical Functions (1964), 26.7.3 and 26.7.4.
+    """
+    sine, cosine2 = abs(t) / sqrt(degrees + t * t), degrees / (degrees + t * t)
+    # 1 + 1 / 2 c^2 + (1 3) / (2 4) c^4 + ...; with odd degrees 1 + 2 / 3 c^2 + (2 4) / (3 5) c^4 + ...
+    odd = degrees % 2
+    total = term = 1.0 if degrees > 1 else 0.0
+    for k in range(1, (degrees - odd) // 2):
+        term *= cosine2 * (2 * k - 1 + odd) / (2 * k + odd)
+        total += term
+    if odd:
+        return max(1.0 - 2.0 / pi * (atan(abs(t) / sqrt(degrees)) + sine * sqrt(cosine2) * total), 0.0)
+    return max(1.0 - sine * total, 0.0)
+
+
+def holm(p_values: Sequence[float | None]) -> list[float | None]:
+    """The p values of a family of tests, adjusted so that the chance of any false one below .05 is at most .05.
+
+    Source: Holm, A Simple Sequentially Rejective Multiple Test Procedure (1979).
+
+    Args:
+        p_values: of each test; None where none was made, which does not count.
+    """
+    made = sorted((p, place) for place, p in enumerate(p_values) if p is not None)
+    adjusted: list[float | None] = [None] * len(p_values)
+    largest = 0.0
+    for rank, (p, place) in enumerate(made):
+        largest = max(largest, min((len(made) - rank) * p, 1.0))
+        adjusted[place] = largest
+    return adjusted

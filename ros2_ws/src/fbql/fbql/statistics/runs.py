@@ -6,7 +6,15 @@ from collections.abc import Iterable, Mapping
 from math import nan
 from typing import Any
 
-from fbql.statistics.inference import Interval, Sums, clustered_ratio, paired_p_value
+from fbql.statistics.inference import (
+    Interval,
+    Sums,
+    clustered_p_value,
+    clustered_ratio,
+    interquartile_mean,
+    paired_p_value,
+    probability_of_improvement,
+)
 from fbql.statistics.tables import Row, finite
 
 RunCounts = Mapping[str, Any]
@@ -56,6 +64,29 @@ def cost_p_value(ours: Runs, theirs: Runs) -> float | None:
     return paired_p_value(*([cost_of(runs[key]) for key in both] for runs in (ours, theirs)))
 
 
+def interquartile_cost(runs: Runs) -> Interval:
+    """The interquartile mean of cost/goal over runs, with an interval over tree sets and their runs."""
+    return interquartile_mean([cost_of(run) for run in runs.values()], [tree for tree, _ in runs])
+
+
+def cost_improvement(ours: Runs, theirs: Runs) -> Interval:
+    """The probability that a run of ours costs less than one of theirs on the same tree set; NaN without a pair."""
+    both = [key for key in ours if key in theirs]
+    if not both:
+        return Interval(nan, nan, nan)
+    costs = [[cost_of(runs[key]) for key in both] for runs in (ours, theirs)]
+    return probability_of_improvement(*costs, [tree for tree, _ in both])
+
+
+def cost_p_value_of_trees(ours: Runs, theirs: Runs) -> float | None:
+    """p of the t test over tree sets that both cost the same; None with fewer than two tree sets."""
+    both = [key for key in ours if key in theirs]
+    trees = [tree for tree, _ in both]
+    if len(set(trees)) < 2 or ours is theirs:
+        return None
+    return clustered_p_value(*([cost_of(runs[key]) for key in both] for runs in (ours, theirs)), trees)
+
+
 def method_row(method: str, by_method: Mapping[str, Runs], controls: Mapping[str, str]) -> Row:
     """The row of a method.
 
@@ -73,20 +104,25 @@ def method_row(method: str, by_method: Mapping[str, Runs], controls: Mapping[str
         "cost_per_goal": cost.estimate,
         "cost_low": cost.low,
         "cost_high": cost.high,
+        **_named("iqm_cost", interquartile_cost(own)),
         "steps_per_success": ratio(own, "steps_to_goals", "goals").estimate if _is_counted(own) else nan,
         "collisions_begun_per_goal": ratio(own, "collisions_begun", "goals").estimate,
         "collision_steps_per_goal": ratio(own, "collision_steps", "goals").estimate,
     }
     for name, control in controls.items():
         other = by_method.get(control, {})
-        found = cost_ratio(own, other) if control != method else Interval(1.0, 1.0, 1.0)
+        itself = control == method
         row |= {
-            f"ratio_{name}": found.estimate,
-            f"ratio_{name}_low": found.low,
-            f"ratio_{name}_high": found.high,
+            **_named(f"ratio_{name}", Interval(1.0, 1.0, 1.0) if itself else cost_ratio(own, other)),
             f"p_{name}": cost_p_value(own, other),
+            f"p_trees_{name}": cost_p_value_of_trees(own, other),
+            **_named(f"improves_{name}", Interval(nan, nan, nan) if itself else cost_improvement(own, other)),
         }
     return finite(row)
+
+
+def _named(name: str, interval: Interval) -> Row:
+    return {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
 
 
 def _is_counted(runs: Runs) -> bool:

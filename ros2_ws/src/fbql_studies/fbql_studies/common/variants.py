@@ -18,7 +18,7 @@ from fbql_sim.core.world_loop import WorldLoop
 
 from fbql_studies.common import methods
 from fbql_studies.common.controls import control_tasks, controls_played
-from fbql_studies.common.fusion_tables import METHOD_COLUMNS, SIZE_COLUMNS, methods_table
+from fbql_studies.common.fusion_tables import METHOD_COLUMNS, SIZE_COLUMNS, methods_table, robust_table
 from fbql_studies.common.methods import FBQL, PAPER, RETUNED, TUNED, guided, untrained
 from fbql_studies.common.training import (
     Played,
@@ -137,7 +137,7 @@ def words(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table."""
     controls = {"default": "default", "retuned": "re-tuned", "paper": "paper", "untrained": "never learned",
                 "guided": "only guided"}  # fmt: skip
-    return {"one change each": methods_table(rows, controls), **changes_table(rows)}
+    return {"one change each": methods_table(rows, controls), **robust_table(rows, controls), **changes_table(rows)}
 
 
 def changes_table(rows: Sequence[Row]) -> dict[str, Table]:

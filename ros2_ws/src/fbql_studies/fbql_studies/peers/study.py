@@ -22,7 +22,15 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_common.checkout import how_to_install
 from fbql_common.core.errors import BadInput
 
-from fbql_studies.common.fusion_tables import METHOD_COLUMNS, SIZE_COLUMNS, compared, cost, share
+from fbql_studies.common.fusion_tables import (
+    METHOD_COLUMNS,
+    SIZE_COLUMNS,
+    adjusted_p_values,
+    compared,
+    cost,
+    robust_table,
+    share,
+)
 from fbql_studies.common.learning_curves import short
 from fbql_studies.common.methods import CONSTANT, PAPER, RETUNED
 from fbql_studies.common.play import Score
@@ -164,6 +172,8 @@ def words(rows: Sequence[Row]) -> dict[str, Table]:
     """Title -> table."""
     head = ["method", "runs", "goals / episodes", "own goals", "success rate", "cost/goal (95 %)", "contact steps / goal",
             "to re-tuned", "training [s]", "played"]  # fmt: skip
+    controls = {"retuned": "re-tuned"}
+    adjusted = adjusted_p_values(rows, "retuned")
     body = [
         [
             row["method"],
@@ -173,7 +183,7 @@ def words(rows: Sequence[Row]) -> dict[str, Table]:
             share(row["success_rate"]),
             cost(row),
             number(row["collision_steps_per_goal"], ".0f"),
-            compared(row, "retuned"),
+            compared(row, "retuned", adjusted[row["method"]]),
             number(row["training_s"], ".0f"),
             row["note"],
         ]
@@ -181,7 +191,7 @@ def words(rows: Sequence[Row]) -> dict[str, Table]:
         else [row["method"], "0", *[""] * (len(head) - 3), row["note"]]
         for row in rows
     ]
-    return {"the same budget": Table(head, body)}
+    return {"the same budget": Table(head, body), **robust_table(rows, controls)}
 
 
 def runs_of(results: Mapping[str, Result]) -> dict[str, Runs]:
