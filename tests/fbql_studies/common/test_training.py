@@ -8,7 +8,7 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from fbql_studies.common.learning_curves import growth, learning
 from fbql_studies.common.methods import LEARNERS
-from fbql_studies.common.play import Score, frozen, law_played
+from fbql_studies.common.play import LAWS, Score, frozen, laws_played
 from fbql_studies.common.training import after_guidance, size_of, train, training_of
 from studies import shipped
 
@@ -63,14 +63,14 @@ def test_frozen_play_meets_the_same_episodes_whatever_plays_and_repeats(learner:
     assert once["episodes"] == 3
 
 
-def test_the_law_plays_the_episodes_of_the_run_seed() -> None:
+def test_either_law_plays_the_episodes_of_the_run_seed() -> None:
     pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements/test.txt")
     from fbql_studies.peers.play import score_of_law
 
-    found = law_played(WorldLoop(), 77, 2)
-    assert score_of_law(77, 2) == Score.of(found)
-    assert found["goals"] == 2
-    assert found["steps"] == found["steps_to_goals"]
+    for method, found in laws_played(WorldLoop(), 77, 2).items():
+        assert score_of_law(77, 2, LAWS[method]) == Score.of(found)
+        assert found["goals"] == 2
+        assert found["steps"] == found["steps_to_goals"]
 
 
 def test_learning_curves_are_sums_over_runs_and_leave_out_what_has_no_goal() -> None:

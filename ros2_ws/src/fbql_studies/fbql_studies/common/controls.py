@@ -9,8 +9,8 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_sim.core.world_loop import WorldLoop
 
-from fbql_studies.common.methods import CONSTANT, LAW, PAPER, RETUNED, TUNED, UNIFORM
-from fbql_studies.common.play import frozen, law_played
+from fbql_studies.common.methods import CONSTANT, PAPER, RETUNED, TUNED, UNIFORM
+from fbql_studies.common.play import bound_steps, frozen, laws_played
 from fbql_studies.common.training import Seeds
 from fbql_studies.common.tuning import best_blend, blend_played, retuned
 from fbql_studies.runner.study import Parameters, Result, StudyTask
@@ -30,7 +30,7 @@ def control_tasks(seeds: Seeds, tree_sets: int, count: int, given: Parameters) -
 
 
 def controls_played(seeds: Seeds, parameters: Parameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Result:
-    """Every control of a tree set on the episodes of each of its trainings."""
+    """Every control of a tree set on the episodes of each of its trainings, and the kinematic bounds of these episodes."""
     tree_set, episodes = parameters["set"], parameters["evaluate"]
     wall_m, approach_rad = retuned(behaviors, loop)
     weights = best_blend(behaviors, loop)
@@ -43,13 +43,18 @@ def controls_played(seeds: Seeds, parameters: Parameters, behaviors: Sequence[Be
         UNIFORM: FusionParameters(controller="uniform"),
     }
     runs: list[Row] = []
+    bounds: list[Row] = []
     for seed in range(parameters["seeds"]):
         judge = seeds.judging(tree_set, seed)
         counts = {
-            LAW: law_played(loop, judge, episodes),
+            **laws_played(loop, judge, episodes),
             **{method: frozen(fusion, behaviors, loop, judge, episodes) for method, fusion in fixed.items()},
             CONSTANT: blend_played(weights, behaviors, loop, judge, episodes),
         }
         runs += [seeds.row(method, tree_set, seed, each) for method, each in counts.items()]
+        for ball, steps in bound_steps(judge, episodes).items():
+            bounds.append(seeds.row(ball, tree_set, seed, {"steps": steps, "episodes": episodes}))
     leaves = [behavior.tree.leaf_count for behavior in behaviors]
-    return {"runs": runs, "thresholds": [wall_m, approach_rad], "weights": list(weights), "leaves": leaves}
+    return {
+        "runs": runs, "bounds": bounds, "thresholds": [wall_m, approach_rad], "weights": list(weights), "leaves": leaves
+    }  # fmt: skip

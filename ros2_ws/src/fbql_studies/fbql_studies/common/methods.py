@@ -7,15 +7,16 @@ from typing import Any
 
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
 
-LAW, UNIFORM, CONSTANT = "scripted law, sees all", "uniform weights", "constant blend"
+LAW, TUNED_LAW = "scripted law, sees all", "scripted law, tuned"
+UNIFORM, CONSTANT = "uniform weights", "constant blend"
 PAPER, TUNED, RETUNED = "subsumption, paper", "subsumption, tuned", "subsumption, re-tuned"
-CONTROLS = (LAW, PAPER, TUNED, RETUNED, UNIFORM, CONSTANT)
+CONTROLS = (LAW, TUNED_LAW, PAPER, TUNED, RETUNED, UNIFORM, CONSTANT)
 """Methods that learn nothing, or only a few numbers."""
 
 FBQL, FBQL_VALUE = LEARNERS = ("fbql", "fbql_value")
 """The learners that depart from the printed equations, by the names of their controllers."""
 FBQL_MODEL = "fbql_model"
-"""fbql in imagined episodes, by the name of its controller."""
+"""The learner that imagines, by the name of its controller."""
 SENSED = "fbql, sensed critic"
 """fbql whose critic, too, sees only what the behaviors sense."""
 SENSED_CRITIC: Mapping[str, Any] = {"fbql_world_tilings": 0}
@@ -42,3 +43,18 @@ def guided(method: str) -> str:
 def drawn(method: str) -> str:
     """The method that plays as it does while learning: behaviors are drawn by weight and held as long."""
     return f"{method}, drawn"
+
+
+def greedy(method: str) -> str:
+    """The method that does not explore after the guided episodes: the largest weight drives while it learns, too."""
+    return f"{method}, greedy"
+
+
+def imagined_once(method: str) -> str:
+    """The frozen twin that imagined after the guided episodes, and then stopped learning."""
+    return f"{method}, imagined once"
+
+
+def guided_data(method: str) -> str:
+    """The twin that goes on imagining as often, with a model of the guided episodes alone: it learns nothing real."""
+    return f"{method}, only guided data"

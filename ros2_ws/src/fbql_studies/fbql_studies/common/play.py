@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 from fbql.match.in_process import play
@@ -15,9 +16,13 @@ from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.session import episode_seed
 from fbql_fusion.core.soccer_session import SoccerSession
 from fbql_recording.core.metrics import EpisodeRecord
-from fbql_sim.core.scripted_law import law
+from fbql_sim.core.kinematic_bound import TOP_SPEED_M_S, least_steps
+from fbql_sim.core.parameters import SimulationParameters
+from fbql_sim.core.scripted_law import TUNED, UNTUNED, LawConstants, law
+from fbql_sim.core.task import Task
 from fbql_sim.core.world_loop import WorldLoop
 
+from fbql_studies.common.methods import LAW, TUNED_LAW
 from fbql_studies.runner.study import Result
 
 
@@ -78,9 +83,28 @@ def score_of(
     return Score(*(getattr(summary, name) for name in Score._fields))
 
 
-def law_played(loop: WorldLoop, seed: int, episodes: int) -> Result:
-    """Counts of the scripted law, which sees everything and has no trees, on the same episodes."""
-    return driven(law, loop, seed, episodes)
+LAWS: Mapping[str, LawConstants] = {LAW: UNTUNED, TUNED_LAW: TUNED}
+"""Method -> the constants of the scripted law that it is."""
+KICKED, PUSHED = "kicked or pushed", "no faster than the robot"
+"""What a kinematic bound assumes of the ball."""
+
+
+def laws_played(loop: WorldLoop, seed: int, episodes: int) -> dict[str, Result]:
+    """Method -> counts of the scripted law, which sees everything and has no trees, on the same episodes."""
+    return {
+        method: driven(partial(law, constants=constants), loop, seed, episodes) for method, constants in LAWS.items()
+    }
+
+
+def bound_steps(seed: int, episodes: int) -> dict[str, int]:
+    """What a bound assumes of the ball -> the kinematic bound, summed over the same episodes."""
+    parameters = SimulationParameters()
+    task = Task(parameters)
+    starts = [task.begin(episode_seed(seed, index)) for index in range(episodes)]
+    return {
+        ball: sum(least_steps(start, parameters, ball_m_s) for start in starts)
+        for ball, ball_m_s in ((KICKED, None), (PUSHED, TOP_SPEED_M_S))
+    }
 
 
 def driven(drive: Callable[[World], tuple[float, float]], loop: WorldLoop, seed: int, episodes: int) -> Result:

@@ -11,8 +11,8 @@ from fbql_fusion.core.parameters import FusionParameters
 from fbql_sim.core.world_loop import WorldLoop
 
 from fbql_studies.common import methods
-from fbql_studies.common.methods import BEHAVIORS, CONSTANT, LAW, PAPER, RETUNED, TUNED, UNIFORM
-from fbql_studies.common.play import Score, score_of
+from fbql_studies.common.methods import BEHAVIORS, CONSTANT, PAPER, RETUNED, TUNED, UNIFORM
+from fbql_studies.common.play import LAWS, Score, score_of
 from fbql_studies.common.tuning import TUNING_SEED, Weights, blend_played, grid, retuned
 from fbql_studies.peers.play import score_of_law
 
@@ -58,7 +58,7 @@ class Controls:
             RETUNED: replace(fusion, wall_threshold_m=wall_m, approach_threshold_rad=approach_rad),
             UNIFORM: replace(fusion, controller="uniform"),
         }
-        found = {LAW: score_of_law(run_seed, episodes)}
+        found = {method: score_of_law(run_seed, episodes, constants) for method, constants in LAWS.items()}
         for method, each in sessions.items():
             found[method] = score_of(each, self._behaviors, self._loop)
         single = one_hot_weights(len(self._behaviors))

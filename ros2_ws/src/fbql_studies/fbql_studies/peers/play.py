@@ -7,7 +7,7 @@ from typing import Any
 
 from fbql_common.core.field import MAX_WHEEL_RAD_S
 from fbql_fusion.core.session import episode_seed
-from fbql_sim.core.scripted_law import law
+from fbql_sim.core.scripted_law import UNTUNED, LawConstants, law
 from fbql_sim.gymnasium_env import WheelsEnv
 
 from fbql_studies.common.play import Score
@@ -34,12 +34,12 @@ def score_in(env: WheelsEnv, act: Act, run_seed: int, episodes: int) -> Score:
     return Score(episodes, goals, own_goals, episodes - goals - own_goals, steps, begun, contact)
 
 
-def score_of_law(run_seed: int, episodes: int) -> Score:
+def score_of_law(run_seed: int, episodes: int, constants: LawConstants = UNTUNED) -> Score:
     """The score of the scripted law, which sees everything and has no trees."""
     env = WheelsEnv()
 
     def act(_observation: Any) -> tuple[float, float]:
-        left, right = law(env.world)
+        left, right = law(env.world, constants)
         return left / MAX_WHEEL_RAD_S, right / MAX_WHEEL_RAD_S
 
     return score_in(env, act, run_seed, episodes)

@@ -91,6 +91,7 @@ STUDIES: dict[str, str] = {
         "ablation",
         "imagination",
         "ladder",
+        "law",
         "leaf_tuning",
         "mux",
         "objectives",
