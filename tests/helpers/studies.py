@@ -13,7 +13,7 @@ from fbql_behaviors.core.recipes import RECIPES
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_studies.common import training, tuning
-from fbql_studies.common.methods import BEHAVIORS
+from fbql_studies.common.methods import BEHAVIORS, FBQL_MODEL
 from fbql_studies.runner.study import StudyTask
 
 FEW_DEMONSTRATIONS = {name: replace(recipe, demonstrations=12, steps=20) for name, recipe in RECIPES.items()}
@@ -40,3 +40,19 @@ def make_short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tuning, "APPROACH_RAD", (0.15,))
     monkeypatch.setattr(tuning, "TUNING_ROUNDS", ((2, 1),))
     monkeypatch.setattr(tuning, "BLEND_ROUNDS", ((1, 1),))
+
+
+SHORT_IMAGINATION = {
+    "fbql_model_first_episodes": 3, "fbql_model_episodes": 2, "fbql_model_refit_episodes": 1, "imagined_max_steps": 20
+}  # fmt: skip
+
+
+def make_imagination_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A few short imagined episodes for fbql_model, in the paper's protocol and in the ladder."""
+    from fbql_studies.ladder import study as ladder
+    from fbql_studies.paper import study as paper
+
+    short = {method: replace(fusion, **SHORT_IMAGINATION) for method, fusion in paper.IMAGINING.items()}
+    monkeypatch.setattr(paper, "IMAGINING", short)
+    monkeypatch.setattr(paper, "METHODS", paper.METHODS | short)
+    monkeypatch.setattr(ladder, "TRAINED", {**ladder.TRAINED, FBQL_MODEL: (FBQL_MODEL, SHORT_IMAGINATION)})

@@ -630,3 +630,20 @@ def test_drivers_change_only_when_a_decision_is_over_or_a_behavior_is_gone() -> 
 def test_an_answer_is_a_behavior_output() -> None:
     """The helper's answers are what a real behavior sends."""
     assert all(isinstance(x, BehaviorOutput) for x in TwoSides().answers())
+
+
+def test_fbql_that_does_not_explore_plays_by_the_largest_weight_while_it_learns() -> None:
+    session = SoccerSession(parameters("fbql", seed=1, guided=5, fbql_explore=False, fbql_play_s=0.0, fbql_patience=0))
+    play(session, 6)
+    before = learned(session).arrays["theta"].copy()
+    decisions = play(session, 20)
+    for decision in decisions:
+        assert decision.phase == Phase.LEARNING
+        assert decision.driver == int(np.argmax(decision.learned_weights))
+    after = learned(session).arrays["theta"]
+    assert not np.array_equal(after[: len(before)], before), "it goes on learning"
+
+
+def test_fbql_that_does_not_explore_draws_until_it_has_features() -> None:
+    session = SoccerSession(parameters("fbql", seed=1, guided=0, fbql_explore=False))
+    assert {decision.driver for decision in play(session, 10)} == {0, 1}

@@ -1,6 +1,7 @@
 """How the figures of all studies are drawn: colours, style, files, and the axes that several of them share.
 
-The colours are those of Okabe and Ito, Color Universal Design (2008), which people with any colour vision can tell apart.
+The colours are those of Okabe and Ito, Color Universal Design (2008), which people with any colour vision can tell apart,
+and two of Paul Tol's.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from fbql_studies.common.methods import (
     FBQL,
+    FBQL_MODEL,
     FBQL_VALUE,
     LAW,
     PAPER,
@@ -28,6 +30,7 @@ from fbql_studies.common.methods import (
     SENSED,
     TIES_NONE,
     guided,
+    imagined_once,
     papers_guide,
 )
 
@@ -36,6 +39,7 @@ Curves = Mapping[str, Any]
 CURVES = "curves.json"
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#888888"
+WINE, ROSE = "#882255", "#CC6677"
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY, BLACK, GREY)
 COLOURS = {
     FBQL: BLUE,
@@ -47,6 +51,8 @@ COLOURS = {
     guided(papers_guide(FBQL)): GREY,
     TIES_NONE: PURPLE,
     LAW: GREY,
+    FBQL_MODEL: WINE,
+    imagined_once(FBQL_MODEL): ROSE,
 }
 """The colour of a method."""
 

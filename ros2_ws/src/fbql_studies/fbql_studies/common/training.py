@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from math import prod
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ from fbql.match.in_process import play
 from fbql.match.trees import playing_trees
 from fbql.statistics.tables import Row
 from fbql_behaviors.core.behavior import Behavior
+from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_fusion.core.controllers.parameters import GUIDED_EPISODES
 from fbql_fusion.core.parameters import FusionParameters
@@ -30,6 +31,7 @@ FIRST_RUN_SEED = 1000
 """Run seeds below it are for tuning."""
 MOST_TREE_SETS = 9
 SEEDS_OF_A_TREE_SET = 100
+MOST_FIRST_SEED = 90_000
 CURVE_EPISODES = 100
 """Training episodes per point of a learning curve."""
 LEARNED = ("keys", "theta", "value", "values")
@@ -75,6 +77,21 @@ def add_max_steps(parser: ArgumentParser) -> None:
     add_count(parser, "--max-steps", SimulationParameters().max_steps, "steps after which an episode is truncated")
 
 
+def add_first_seeds(parser: ArgumentParser) -> None:
+    """Adds the options for tree sets and run seeds that an earlier measurement did not use."""
+    add_count(parser, "--first-trees", FIRST_TREE_SEED, "demonstration seed of the first tree set")
+    add_count(parser, "--first-seed", FIRST_RUN_SEED, "run seed of the first run")
+
+
+def check_first_seeds(options: Namespace) -> None:
+    """Raises BadInput for seeds that are for tuning, or absurdly large."""
+    for name, least in (("first_trees", FIRST_TREE_SEED), ("first_seed", FIRST_RUN_SEED)):
+        found = getattr(options, name)
+        if not least <= found <= MOST_FIRST_SEED:
+            option = f"--{name.replace('_', '-')}"
+            raise BadInput(f"{option} is {found}; it must be {least} to {MOST_FIRST_SEED}, those below are for tuning")
+
+
 def add_training_options(parser: ArgumentParser, trees: int, seeds: int, episodes: int, evaluate: int) -> None:
     """Adds the options of a study that trains, with these defaults."""
     add_count(parser, "--trees", trees, "tree sets, each from other demonstrations")
@@ -90,6 +107,14 @@ def check_training_options(options: Namespace) -> None:
     check_counts(options, trees=MOST_TREE_SETS, seeds=SEEDS_OF_A_TREE_SET, **played)
 
 
+class Checkpoint(NamedTuple):
+    """What had been learned at a point of a training."""
+
+    policy: Policy
+    steps: int
+    """Steps that the robot had driven by then, guided ones included."""
+
+
 class Trained(NamedTuple):
     """The outcome of a training."""
 
@@ -99,6 +124,8 @@ class Trained(NamedTuple):
     """For each CURVE_EPISODES episodes: their counts, and the joint states visited so far."""
     size: Result
     """Features and bytes of the policy, joint states visited, and the product of the trees' leaf counts."""
+    checkpoints: dict[int, Checkpoint]
+    """Training episodes -> what had been learned after them."""
 
 
 def training_of(seed: int, episodes: int, learner: str = FBQL, **changes: Any) -> FusionParameters:
@@ -114,27 +141,49 @@ def as_it_learns(learner: str) -> dict[str, Any]:
     return {f"{learner}_play": "drawn", f"{learner}_play_s": held}
 
 
-def train(fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop) -> Trained:
-    """Plays a training to its end."""
+def train(
+    fusion: FusionParameters, behaviors: Sequence[Behavior], loop: WorldLoop, checkpoints: Collection[int] = ()
+) -> Trained:
+    """Plays a training to its end.
+
+    Args:
+        checkpoints: training episodes after which the policy is kept.
+    """
     session = SoccerSession(fusion, trees=playing_trees(behavior.tree for behavior in behaviors))
     visited: set[tuple[int, ...]] = set()
     curve: list[Result] = []
+    kept: dict[int, Checkpoint] = {}
+    due: list[int] = []
+    driven = 0
+
+    def keep_due() -> None:
+        """Keeps the policy once the next episode has begun: what is learned between two of them is part of it."""
+        policy = session.policy()
+        while due and policy is not None:
+            kept[due.pop()] = Checkpoint(policy, driven)
 
     def see(_world: World, _outputs: Sequence[BehaviorOutput], _command: WheelCommand, decision: Decision) -> None:
         visited.add(decision.joint_state)
+        if due:
+            keep_due()
 
     def episode_ended() -> bool:
+        nonlocal driven
         done = len(session.records) - session.guided
+        if done in checkpoints:
+            due.append(done)
+            driven = session.steps
         if done > 0 and (done % CURVE_EPISODES == 0 or done == fusion.episodes):
             block = session.records[session.guided + (done - 1) // CURVE_EPISODES * CURVE_EPISODES :]
             curve.append({**counts_of(block), "joint_states": len(visited)})
         return True
 
     play(session, loop, behaviors, episode_ended, see)
+    keep_due()
     policy = session.policy()
     size = {"features": 0, "bytes": 0} if policy is None else size_of(policy)
     leaves = prod(behavior.tree.leaf_count for behavior in behaviors)
-    return Trained(policy, curve, {**size, "leaf_product": leaves, "joint_states": len(visited)})
+    return Trained(policy, curve, {**size, "leaf_product": leaves, "joint_states": len(visited)}, kept)
 
 
 Played = dict[str, tuple[FusionParameters, Policy | None]]

@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from fbql_common.core.types import Phase
 from numpy.typing import NDArray
 
 from fbql_fusion.core.learners.features import Features, Situation
@@ -228,6 +229,13 @@ class Fbql(Ppo):
             parameters, parameters.fbql_durations_s, parameters.fbql_batch_episodes, task, parameters.fbql_prior > 0.0
         )
         super().__init__(parameters, holding, parameters.fbql_passes, parameters.fbql_prior, task, guide, generator)
+        self._may_explore = parameters.fbql_explore
+
+    def begin_episode(self, phase: Phase) -> None:
+        """See `Controller`."""
+        super().begin_episode(phase)
+        if phase is Phase.LEARNING and self._features is not None:
+            self._explores = self._may_explore
 
     def _can_be_counts(self) -> bool:
         return 0 <= self._updates <= self._episodes

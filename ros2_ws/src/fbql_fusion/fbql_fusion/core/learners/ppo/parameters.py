@@ -67,6 +67,11 @@ class PpoParameters(PpoUpdateParameters):
         low=0.0,
         high=100.0,
     )
+    fbql_explore: bool = parameter(
+        True,
+        "whether fbql explores while it learns: the driver is drawn by the weights, and held longer; otherwise it plays after the "
+        "guided episodes as when it does not learn",
+    )
     fbql_batch_episodes: int = parameter(
         20, "episodes in a batch; the first batches are smaller, from 3 up", low=1, high=1000
     )
