@@ -123,7 +123,10 @@ def _not_measured(study: str) -> str:
 
 
 def _command(study: str, data: dict[str, Any]) -> str:
-    options = " ".join(f"--{name.replace('_', '-')} {value}" for name, value in data["options"].items())
+    options = " ".join(
+        f"--{name.replace('_', '-')} {' '.join(map(str, value)) if isinstance(value, list) else value}"
+        for name, value in data["options"].items()
+    )
     return f"python3 scripts/experiment.py {study} {options}"
 
 

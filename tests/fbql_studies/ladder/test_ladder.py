@@ -15,7 +15,7 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 from fbql_studies.ablation import study as ablation
 from fbql_studies.common import tuning
-from fbql_studies.common.methods import CONTROLS, LAW, LEARNERS, RETUNED
+from fbql_studies.common.methods import CONTROLS, LAW, LEARNERS, RETUNED, TUNED_LAW
 from fbql_studies.common.training import (
     FIRST_RUN_SEED,
     FIRST_TREE_SEED,
@@ -32,7 +32,7 @@ from fbql_studies.runner.study import MEASURED, Result
 from fbql_studies.scaling import study as scaling
 from fbql_studies.sensitivity import study as sensitivity
 from own_controller import only_ours
-from studies import make_short, shipped, tasks_of
+from studies import make_imagination_short, make_short, shipped, tasks_of
 
 TRAINING = (ladder, ablation, sensitivity, scaling)
 STUDIES = (*TRAINING, paper)
@@ -44,6 +44,7 @@ TINY = (*SMALL, "--episodes", "4", "--evaluate", "2")
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     make_short(monkeypatch)
+    make_imagination_short(monkeypatch)
     monkeypatch.setattr("fbql_studies.ladder.weight_maps.SPACING_M", 0.4)
 
 
@@ -183,6 +184,69 @@ def ladder_of(learned: dict[int, int], learner: str = "fbql", **figures: int) ->
         runs = [row(learner, tree, seed, 100 * cost, **figures) for seed in range(2)]
         results[f"{learner}{tree}"] = {"runs": runs}
     return results
+
+
+@pytest.mark.usefixtures("short")
+def test_checkpoints_are_played_frozen_on_the_episodes_of_the_others_and_the_last_is_the_policy_in_the_end() -> None:
+    asked = ("--learners", "fbql", "--checkpoints", "4", "2", "--first-trees", "1021", "--first-seed", "2000")
+    task = tasks_of(ladder, *TINY, *asked)[0]
+    assert (task.key, task.parameters["checkpoints"]) == ("fbql-trees1021-seed0", [2, 4])
+    result = ladder.run(task.parameters)
+    two, four = result["checkpoints"]
+    assert (two["trained"], four["trained"], two["tree_seed"]) == (2, 4, 1021)
+    assert 0 < two["trained_s"] < four["trained_s"]
+    end = next(run for run in result["runs"] if run["method"] == "fbql")
+    assert {name: four[name] for name in end} == end
+    for wrong in ("0", "5"):
+        with pytest.raises(BadInput, match=f"--checkpoints has {wrong}; it must be 1 to the training's 4 episodes"):
+            tasks_of(ladder, *TINY, "--checkpoints", wrong)
+
+
+def test_a_policy_at_a_checkpoint_has_what_is_learned_before_the_next_episode() -> None:
+    fusion = training_of(5, 3, "fbql", guided=1, fbql_batch_episodes=1)
+    loop = WorldLoop(SimulationParameters(max_steps=300))
+    longer = train(fusion, shipped(), loop, [2]).checkpoints[2]
+    alone = train(training_of(5, 2, "fbql", guided=1, fbql_batch_episodes=1), shipped(), loop, [2])
+    assert alone.policy is not None
+    m = len(alone.policy.arrays["theta"])
+    assert np.array_equal(longer.policy.arrays["theta"][:m], alone.policy.arrays["theta"])
+    assert longer.steps == alone.checkpoints[2].steps
+
+
+def checkpoint(trained: int, tree: int, cost: int) -> dict[str, Any]:
+    return {**row("fbql", tree, 0, 100 * cost), "trained": trained, "trained_s": 6.0 * trained}
+
+
+def test_a_control_is_reached_from_the_first_checkpoint_on_after_which_it_is_never_missed() -> None:
+    results = ladder_of({1001: 400, 1002: 400})
+    costs = {50: 900, 200: 1100, 500: 800, 1000: 290, 3000: 310}
+    for tree in (1001, 1002):
+        results[f"fbql{tree}"]["checkpoints"] = [checkpoint(trained, tree, cost) for trained, cost in costs.items()]
+    rows = ladder.table(results)
+    reached = {each["target"]: each for each in rows if "target" in each}
+    assert (reached[RETUNED]["reached_after"], reached[RETUNED]["reached_minutes"]) == (500, 50.0)
+    assert (reached[LAW]["reached_after"], reached[LAW]["reached_minutes"]) == (None, None)
+    assert (reached[RETUNED]["trainings_there"], reached[LAW]["trainings_there"]) == (2, 0)
+    curve = [each for each in rows if "checkpoint" in each]
+    assert [each["checkpoint"] for each in curve] == list(costs)
+    assert curve[0]["ratios"][RETUNED][0] == pytest.approx(0.9)
+    words = ladder.words(rows)
+    assert words["frozen in the course of the training"].body[1][:4] == ["fbql", "200", "20.0", "1100 (1100 to 1100)"]
+    assert [line[2] for line in words["how long it takes to reach the controls"].body] == ["500", "not reached"]
+
+
+def test_learners_are_set_against_both_laws_and_the_kinematic_bounds() -> None:
+    results = ladder_of({1001: 300, 1002: 300})
+    for tree in (1001, 1002):
+        tuned = [row(TUNED_LAW, tree, seed, 15_000) for seed in range(2)]
+        bounds = [{"method": "kicked", "tree_seed": tree, "seed": 0, "steps": 700, "episodes": 10}]
+        results[f"controls{tree}"]["runs"] += tuned
+        results[f"controls{tree}"]["bounds"] = bounds
+    rows = ladder.table(results)
+    found = {each["yardstick"]: (each["steps"], each["times"]["fbql"]) for each in rows if "yardstick" in each}
+    assert found == {LAW: (300.0, 1.0), TUNED_LAW: (150.0, 2.0), "kinematic bound, ball kicked": (70.0, 300 / 70)}
+    assert rungs(results)["steps of a success to the tuned law's"] == (pytest.approx(2.0), False)
+    assert ladder.words(rows)["yardsticks"].body[1] == [TUNED_LAW, "150.0", "2.00"]
 
 
 def rungs(results: dict[str, Result]) -> dict[str, tuple[float, bool]]:

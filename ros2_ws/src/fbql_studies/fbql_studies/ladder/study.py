@@ -27,6 +27,7 @@ from fbql_studies.common.controls import control_tasks, controls_played
 from fbql_studies.common.learning_curves import Trainings, growth, learning, mean_sizes, trainings_by
 from fbql_studies.common.methods import (
     FBQL,
+    FBQL_MODEL,
     FBQL_VALUE,
     LAW,
     LEARNERS,
@@ -35,8 +36,10 @@ from fbql_studies.common.methods import (
     SENSED,
     SENSED_CRITIC,
     TUNED,
+    TUNED_LAW,
     drawn,
     guided,
+    imagined_once,
     untrained,
 )
 from fbql_studies.common.training import (
@@ -44,9 +47,11 @@ from fbql_studies.common.training import (
     FIRST_TREE_SEED,
     Played,
     Seeds,
+    add_first_seeds,
     add_training_options,
     after_guidance,
     as_it_learns,
+    check_first_seeds,
     check_training_options,
     judge,
     train,
@@ -65,14 +70,16 @@ CAPTIONS = {
 }
 COLUMNS, words = tables.COLUMNS, tables.words
 SEEDS = Seeds(FIRST_TREE_SEED, FIRST_RUN_SEED)
+"""Those of the tables in docs/results, unless other ones are asked for."""
 
 TRAINED: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     FBQL: (FBQL, {}),
     SENSED: (FBQL, SENSED_CRITIC),
     FBQL_VALUE: (FBQL_VALUE, {}),
+    FBQL_MODEL: (FBQL_MODEL, {}),
 }
 """Learner -> its controller, and the parameters that differ from its defaults."""
-ASKED = {"fbql": FBQL, "fbql_sensed": SENSED, "fbql_value": FBQL_VALUE}
+ASKED = {"fbql": FBQL, "fbql_sensed": SENSED, "fbql_value": FBQL_VALUE, "fbql_model": FBQL_MODEL}
 ALL = "all"
 
 
@@ -81,13 +88,23 @@ def _methods_of(learner: str) -> tuple[str, ...]:
     return untrained(learner), drawn(untrained(learner)), guided(learner), learner
 
 
-METHODS = (*methods.CONTROLS, *_methods_of(FBQL), SENSED, *_methods_of(FBQL_VALUE))
-CONTROLS = {"retuned": RETUNED, "tuned": TUNED, "paper": PAPER}
+METHODS = (
+    *methods.CONTROLS,
+    *_methods_of(FBQL),
+    SENSED,
+    *_methods_of(FBQL_VALUE),
+    imagined_once(FBQL_MODEL),
+    FBQL_MODEL,
+)
+CONTROLS = {"retuned": RETUNED, "tuned": TUNED, "paper": PAPER, "tuned_law": TUNED_LAW}
 TWINS = {
     method: {"untrained": untrained(learner), "guided": guided(learner)}
     for learner in LEARNERS
     for method in _methods_of(learner)
-} | {SENSED: {"untrained": untrained(FBQL), "guided": guided(FBQL)}}
+} | {
+    SENSED: {"untrained": untrained(FBQL), "guided": guided(FBQL)},
+    FBQL_MODEL: {"untrained": untrained(FBQL), "guided": guided(FBQL), "imagined": imagined_once(FBQL_MODEL)},
+}
 """Method -> the frozen twins of its learner, with which it is compared in addition to CONTROLS."""
 
 
@@ -100,6 +117,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=ALL,
         help=f"which learner is trained: {', '.join(ASKED)} or {ALL} ({ALL}); fbql_sensed is fbql whose critic knows no more "
         "than the behaviors sense",
+    )
+    add_first_seeds(parser)
+    parser.add_argument(
+        "--checkpoints",
+        nargs="+",
+        type=int,
+        default=argparse.SUPPRESS,
+        metavar="N",
+        help="training episodes after which each learner is also played frozen: how long it takes to reach the controls",
     )
     parser.add_argument(
         "--controllers",
@@ -116,16 +142,23 @@ def tasks(options: argparse.Namespace) -> list[StudyTask]:
     The controls come after the first learner's trainings: the rungs need just these two.
     """
     check_training_options(options)
-    given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
+    check_first_seeds(options)
+    seeds = Seeds(options.first_trees, options.first_seed)
+    given: Parameters = {"evaluate": options.evaluate, "max_steps": options.max_steps, "seeds_from": list(seeds)}
+    checkpoints = sorted(set(getattr(options, "checkpoints", [])))
+    for each in checkpoints:
+        if not 1 <= each <= options.episodes:
+            raise BadInput(f"--checkpoints has {each}; it must be 1 to the training's {options.episodes} episodes")
+    kept = {"checkpoints": checkpoints} if checkpoints else {}
     alone = {"twins": True} if ASKED.get(options.learners) == SENSED else {}
-    controls = control_tasks(SEEDS, options.trees, options.seeds, given)
+    controls = control_tasks(seeds, options.trees, options.seeds, given)
     found: list[StudyTask] = []
     for asked in ASKED if options.learners == ALL else [options.learners]:
         learner = ASKED[asked]
         found += [
             StudyTask(
-                f"{asked}-trees{SEEDS.tree(k)}-seed{seed}",
-                {"part": learner, "set": k, "seed": seed, "episodes": options.episodes, **given, **alone},
+                f"{asked}-trees{seeds.tree(k)}-seed{seed}",
+                {"part": learner, "set": k, "seed": seed, "episodes": options.episodes, **given, **alone, **kept},
             )
             for seed in range(options.seeds)
             for k in range(options.trees)
@@ -134,8 +167,8 @@ def tasks(options: argparse.Namespace) -> list[StudyTask]:
     for key, own in _own_controllers(getattr(options, "controllers", [])).items():
         found += [
             StudyTask(
-                f"{key}-trees{SEEDS.tree(k)}-seed{seed}",
-                {**own, "set": k, "seed": seed, "episodes": options.episodes, **given},
+                f"{key}-trees{seeds.tree(k)}-seed{seed}",
+                {**own, "set": k, "seed": seed, "episodes": options.episodes, **given, **kept},
             )
             for seed in range(options.seeds)
             for k in range(options.trees)
@@ -170,14 +203,15 @@ def _content(known: KnownController) -> str:
 
 def run(parameters: Parameters) -> Result:
     """Trains a learner once and plays its policy and its frozen twins, or plays the controls of a tree set."""
-    behaviors = SEEDS.behaviors(parameters["set"])
+    seeds = Seeds(*parameters["seeds_from"])
+    behaviors = seeds.behaviors(parameters["set"])
     loop = WorldLoop(SimulationParameters(max_steps=parameters["max_steps"]))
     if parameters["part"] not in TRAINED and "controller" not in parameters:
-        return controls_played(SEEDS, parameters, behaviors, loop)
-    return _trained(parameters, behaviors, loop)
+        return controls_played(seeds, parameters, behaviors, loop)
+    return _trained(seeds, parameters, behaviors, loop)
 
 
-def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
+def _trained(seeds: Seeds, parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop) -> Result:
     learner, tree_set, seed = parameters["part"], parameters["set"], parameters["seed"]
     if own := parameters.get("controller"):
         known = resolve_controller(own)  # a worker is a separate process
@@ -186,9 +220,9 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
         controller, changes = known.name, {}
     else:
         controller, changes = TRAINED[learner]
-    fusion = training_of(SEEDS.training(seed), parameters["episodes"], controller, **changes)
+    fusion = training_of(seeds.training(seed), parameters["episodes"], controller, **changes)
     begun_s = perf_counter()
-    trained = train(fusion, behaviors, loop)
+    trained = train(fusion, behaviors, loop, parameters.get("checkpoints", ()))
     training_s = perf_counter() - begun_s
     played: Played = {}
     if learner in LEARNERS or parameters.get("twins"):
@@ -197,13 +231,21 @@ def _trained(parameters: Parameters, behaviors: list[Behavior], loop: WorldLoop)
         played[untrained(controller)] = (fusion, None)
         played[drawn(untrained(controller))] = (as_learning, None)
         played[guided(controller)] = (fusion, after_guidance(fusion, behaviors, loop))
+    elif learner == FBQL_MODEL:
+        played[imagined_once(learner)] = (fusion, after_guidance(fusion, behaviors, loop))
     played[learner] = (fusion, trained.policy)
     begun_s = perf_counter()
-    runs = judge(SEEDS, parameters, played, behaviors, loop)
+    runs = judge(seeds, parameters, played, behaviors, loop)
+    curve: list[Row] = []
+    for episodes, (policy, steps) in trained.checkpoints.items():
+        (counts,) = judge(seeds, parameters, {learner: (fusion, policy)}, behaviors, loop)
+        curve.append({**counts, "trained": episodes, "trained_s": steps * loop.dt_s})
     seconds = {"training_s": training_s, "evaluation_s": perf_counter() - begun_s}
     result: Result = {
         "learner": learner, "runs": runs, "curve": trained.curve, "size": trained.size, MEASURED: seconds
     }  # fmt: skip
+    if curve:
+        result["checkpoints"] = curve
     if tree_set == seed == 0 and learner in TRAINED and trained.policy is not None:
         result["maps"] = weight_maps(fusion, trained.policy, behaviors)
     return result
@@ -218,8 +260,38 @@ def table(results: Mapping[str, Result]) -> list[Row]:
     for learner in learners:
         rows += tables.tree_rows(learner, by_method[learner], by_method[RETUNED], results)
     for learner in learners:
-        rows += tables.rung_rows(learner, by_method[learner], by_method[RETUNED], by_method[LAW])
+        rows += tables.rung_rows(
+            learner, by_method[learner], by_method[RETUNED], by_method[LAW], by_method.get(TUNED_LAW)
+        )
+    rows += tables.yardstick_rows(
+        {learner: by_method[learner] for learner in learners}, _yardsticks(results, by_method)
+    )
+    rows += _reached(results, by_method)
     return rows + _sizes(results)
+
+
+def _reached(results: Mapping[str, Result], by_method: Mapping[str, Runs]) -> list[Row]:
+    """The learning curves of the frozen play at the checkpoints, and when each learner reached which control."""
+    found: dict[str, dict[int, list[Row]]] = {}
+    for result in results.values():
+        for each in result.get("checkpoints", []):
+            found.setdefault(each["method"], {}).setdefault(each["trained"], []).append(each)
+    targets = {name: by_method[name] for name in (RETUNED, LAW, TUNED_LAW) if name in by_method}
+    rows: list[Row] = []
+    for learner in (each for each in by_method if each in found):
+        rows += tables.checkpoint_rows(learner, dict(sorted(found[learner].items())), targets)
+    return rows
+
+
+def _yardsticks(results: Mapping[str, Result], by_method: Mapping[str, Runs]) -> dict[str, float]:
+    """Yardstick -> its steps of a success: the laws, then the kinematic bounds of the same episodes."""
+    found = {name: tables.steps_of_a_success(by_method[name]) for name in (LAW, TUNED_LAW) if name in by_method}
+    bounds = [each for result in results.values() for each in result.get("bounds", [])]
+    for ball in dict.fromkeys(each["method"] for each in bounds):
+        own = [each for each in bounds if each["method"] == ball]
+        steps, episodes = (sum(each[name] for each in own) for name in ("steps", "episodes"))
+        found[f"kinematic bound, ball {ball}"] = steps / episodes
+    return found
 
 
 def _runs(results: Mapping[str, Result]) -> dict[str, Runs]:

@@ -15,6 +15,8 @@ from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.soccer_session import SoccerSession
 
+from fbql_studies.common.methods import FBQL
+
 BALL_M = (0.4, 0.3)
 HEADINGS_RAD = (0.0, pi / 2, pi)
 SPACING_M = 0.075
@@ -28,7 +30,9 @@ def weight_maps(fusion: FusionParameters, policy: Policy, behaviors: Sequence[Be
         weights: [heading][y][x][behavior], integers that sum to about 100.
     """
     play = {"play": "blended", "play_s": 0.0, "patience": 0}
-    changes = {f"{fusion.controller}_{name}": value for name, value in play.items()}
+    # what a learner does not have of its own it shares with fbql
+    own = {name: f"{fusion.controller}_{name}" for name in play}
+    changes = {own[name] if hasattr(fusion, own[name]) else f"{FBQL}_{name}": value for name, value in play.items()}
     blended = replace(fusion, learn=False, guided=0, episodes=1, goals=0, **changes)
     session = SoccerSession(blended, policy)
     begun = session.next_episode()
