@@ -48,10 +48,11 @@ SHORT_IMAGINATION = {
 
 
 def make_imagination_short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A few short imagined episodes for fbql_model, in the paper's protocol and in the ladder."""
+    """A few short imagined episodes for fbql_model, in the paper's protocol and in the ladder; too few to compile for."""
     from fbql_studies.ladder import study as ladder
     from fbql_studies.paper import study as paper
 
+    monkeypatch.setattr("fbql_fusion.core.learners.dyna.learner.prepare", lambda: None)
     short = {method: replace(fusion, **SHORT_IMAGINATION) for method, fusion in paper.IMAGINING.items()}
     monkeypatch.setattr(paper, "IMAGINING", short)
     monkeypatch.setattr(paper, "METHODS", paper.METHODS | short)
