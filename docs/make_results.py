@@ -74,7 +74,7 @@ def index_page() -> str:
     """The list of all results."""
     rows = [[f"[{name}]({name}.md)", study_of(name).DESCRIPTION] for name in sorted(STUDIES)]
     return (
-        "# Results of the studies\n\nOne page per study, written by `docs/make_results.py`. What follows from them: "
+        "# Results of the studies\n\nOne page per study, written by `docs/make_results.py`. Conclusions: "
         "[fusion.md](../fusion.md), [trees.md](../trees.md); how to run a study: [studies.md](../studies.md).\n\n"
         f"{as_markdown(Table(['study', 'what'], rows))}\n"
     )

@@ -13,7 +13,7 @@ class MyController:
 
     def select(self, world, joint_state, outputs):
         """Called at every step: who drives?"""
-        # What the behaviors sense [m, rad]; take away the # of what you use.
+        # What the behaviors sense [m, rad]; remove the # from the lines that you use.
         # ball_m, ball_rad = outputs[0].observation
         # wall_m, wall_rad = outputs[1].observation
         # way_rad, approach_rad = outputs[2].observation

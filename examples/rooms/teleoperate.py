@@ -1,4 +1,4 @@
-"""Records bags of somebody who drives the robot through rooms by keyboard: a scripted operator (fbql_studies.rooms.teleoperation).
+"""Records bags of a scripted operator who drives the robot through rooms with a keyboard (fbql_studies.rooms.teleoperation).
 
     python examples/rooms/teleoperate.py drives --rooms 12
     python3 scripts/induce.py way_round --bag drives/traps_700000 --spec examples/rooms/behavior.yaml --out way_round.json

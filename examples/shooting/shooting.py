@@ -8,7 +8,7 @@ from fbql_common.core.geometry import ball_distance_and_bearing, distance_and_be
 
 
 def sense(world):
-    """Bearing of the ball and of the goal's centre [rad]."""
+    """Bearing of the ball and of the goal's center [rad]."""
     return ball_distance_and_bearing(world)[1], distance_and_bearing(world, FIELD.half_length_m, 0.0)[1]
 
 
