@@ -44,8 +44,8 @@ another type and a value out of its range are each refused in one line, with exi
 - A node takes them as ROS parameters: `--ros-args -p NAME:=VALUE`, or `--ros-args --params-file FILE`. There a decimal
   number needs its point: `0.0`, not `0`.
 - `scripts/bringup.py` and `scripts/train.py` have options for the common ones. Their `--set NAME=VALUE` reaches every
-  parameter of the two tables *The world* and *Fusion and learning*; lists are written with commas. One that the chosen
-  controller does not use is reported in one line.
+  parameter of the two tables *The world* and *Fusion and learning*; lists are written with commas. A parameter that the
+  chosen controller does not use is reported in one line.
 - Every parameter in force is in the `config.yaml` of a run directory.
 """
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fbql_common.core.parameters import parameter
 
 DEFAULT_GOALS = 10
-"""How many goals end a match of which nothing else says how long it is."""
+"""How many goals end a match for which no other length is given."""
 
 
 @dataclass(frozen=True)
@@ -22,16 +22,16 @@ class FusionNodeParameters:
     record: bool = parameter(True, "whether the run is recorded to MCAP")
     policy: str = parameter(
         "",
-        "policy.npz of an earlier run to start from, or shipped; empty or none: untrained. A node that is not given it starts "
-        "from the shipped one if it plays fbql with the usual behaviors, as bringup does",
+        "policy.npz of an earlier run to start from, or shipped; empty or none: untrained. If it is not given, a node that "
+        "plays fbql with the usual behaviors starts from the shipped one, as bringup does",
     )
     controller_file: str = parameter(
         "", "FILE.py:NAME of your own controller; empty: one of this package or of an installed one"
     )
     tree_files: list[str] = parameter(
         [],
-        "tree files in use, in the order of the behaviors: copied into the run directory and the recording, and what "
-        "fbql_model imagines with",
+        "tree files in use, in the order of the behaviors: copied into the run directory and the recording, and used by "
+        "fbql_model to imagine",
     )
     config_file: str = parameter(
         "", "parameter file of the whole graph, for the run's config.yaml; empty: only this node's"

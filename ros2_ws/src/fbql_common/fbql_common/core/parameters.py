@@ -25,7 +25,7 @@ _INT64 = 2**63 - 1
 
 
 class Limits(NamedTuple):
-    """What a parameter may be, and what it means."""
+    """The values that a parameter may have, and their meaning."""
 
     description: str
     unit: str

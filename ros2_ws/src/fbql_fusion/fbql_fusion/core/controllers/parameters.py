@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fbql_common.core.parameters import parameter
 
 CONTROLLERS = ["fbql", "fbql_literal", "fbql_model", "fbql_value", "subsumption", "uniform"]
-"""The names of the controllers: those of this package, then those that were registered (`core.registry`)."""
+"""The names of the controllers of this package, then of those that were registered (`core.registry`)."""
 MUX_CONTROLLERS = ["fbql", "fbql_value", "priorities", "uniform"]
 """The same for a mux of velocity commands."""
 UP_TO_THE_CONTROLLER = -1

@@ -46,7 +46,7 @@ class SourceParameters:
     )
     stamped: bool = parameter(
         False,
-        "whether it sends geometry_msgs/TwistStamped instead of geometry_msgs/Twist; if not given, as use_stamped",
+        "whether it sends geometry_msgs/TwistStamped instead of geometry_msgs/Twist; if not given: use_stamped",
     )
     guide_observation: str = parameter(
         "",
@@ -67,17 +67,19 @@ class ObservationParameters:
         "path of a number in them, such as ranges[0:24].min or pose.pose.orientation.yaw (docs/bags.md)",
         required=True,
     )
-    low: float = parameter(0.0, "lowest value; one below, or -Inf, counts as this", low=-1e12, high=1e12, required=True)
+    low: float = parameter(
+        0.0, "lowest value; lower ones, and -Inf, count as this", low=-1e12, high=1e12, required=True
+    )
     high: float = parameter(
-        0.0, "highest value; one above, or +Inf, counts as this", low=-1e12, high=1e12, required=True
+        0.0, "highest value; higher ones, and +Inf, count as this", low=-1e12, high=1e12, required=True
     )
     unit: str = parameter("", "unit of the value, for people")
     max_age_s: float = parameter(
-        0.5, "an observation whose last message is older is not known; 0: any age", unit="s", low=0.0, high=1e6
+        0.5, "an observation whose last message is older is unknown; 0: any age", unit="s", low=0.0, high=1e6
     )
     group: str = parameter(
         "",
-        "observations of the same group are learned together, as distance and bearing of a point; empty: a group of its own",
+        "observations in the same group share tiles, as the distance and bearing of a point should; empty: a group by itself",
     )
 
 
@@ -86,10 +88,14 @@ class AxisParameters:
     """Parameters of an axis of the commands, axes.NAME, where NAME is linear_x, linear_y, linear_z, angular_x, angular_y or angular_z."""
 
     low: float = parameter(
-        0.0, "lowest velocity; one below counts as this, but is passed on as it is", low=-1e6, high=1e6, required=True
+        0.0,
+        "lowest velocity; lower ones count as this, but are passed on unchanged",
+        low=-1e6,
+        high=1e6,
+        required=True,
     )
     high: float = parameter(0.0, "highest velocity", low=-1e6, high=1e6, required=True)
-    levels: int = parameter(5, "classes of the velocity, by which the mux knows what a source wants", low=2, high=100)
+    levels: int = parameter(5, "classes into which the mux divides the velocity that a source wants", low=2, high=100)
 
 
 @dataclass(frozen=True)
@@ -99,14 +105,14 @@ class LearnedMuxParameters:
     policy: str = parameter("", "policy.npz to play, or to continue learning from; empty: none")
     safety_priority: int = parameter(
         100,
-        "sources at or above this priority drive whenever they win, as in twist_mux; what is learned never overrules them, nor a lock",
+        "sources at or above this priority drive whenever they win, as in twist_mux; learning overrules neither them nor a lock",
         low=0,
         high=256,
     )
     reward_topic: str = parameter("reward", "topic of a std_msgs/Float64 that is added to the reward")
     segment_s: float = parameter(
         60.0,
-        "where nobody publishes an Outcome, so that no episode ends: time after which an episode is cut, and learned from",
+        "where nobody publishes an Outcome, so that no episode ends: time after which an episode is cut off and learned from",
         unit="s",
         low=0.1,
         high=1e6,

@@ -1,4 +1,4 @@
-"""The parameters of `controller` fbql_model that concern when it imagines, and how much. Its model's are the task's."""
+"""The parameters of the controller fbql_model: when it imagines, and how much. Those of its model belong to the task."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DATA = ("all", "guided")
 @owned_by("fbql_model")
 @dataclass(frozen=True)
 class FbqlModelParameters(PpoUpdateParameters):
-    """What is fbql_model's alone. The defaults are those of a prototype, confirmed on seeds that it was not tuned on."""
+    """The parameters that only fbql_model has. The defaults were tuned in a prototype and confirmed on other seeds."""
 
     fbql_model_first_episodes: int = parameter(
         6000, "episodes that fbql_model imagines after the guided ones", low=0, high=10_000_000
@@ -32,8 +32,8 @@ class FbqlModelParameters(PpoUpdateParameters):
     )
     fbql_model_data: str = parameter(
         "all",
-        "the real episodes that the model is fitted to: all, or only the guided ones, so that nothing is learned from "
-        "the others while as much is imagined",
+        "the real episodes that the model is fitted to: all, or only the guided ones, so that just as much is imagined "
+        "but nothing is learned from the others",
         choices=DATA,
     )
     fbql_model_batch_episodes: int = parameter(60, "imagined episodes in a batch", low=1, high=10_000)

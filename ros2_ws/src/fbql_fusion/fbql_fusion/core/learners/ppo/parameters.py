@@ -12,7 +12,7 @@ from fbql_fusion.core.learners.parameters import PLAYS, ROUNDED, FeatureParamete
 @owned_by("fbql", "fbql_model")
 @dataclass(frozen=True)
 class PpoUpdateParameters(FeatureParameters):
-    """What fbql and fbql_model share of the parameters of eqs. 10 to 15 in `docs/fusion.md`, in any task."""
+    """The parameters of eqs. 10 to 15 in `docs/fusion.md` that fbql and fbql_model share, in any task."""
 
     fbql_play: str = parameter(
         "held",
@@ -58,12 +58,12 @@ class PpoUpdateParameters(FeatureParameters):
 @owned_by("fbql")
 @dataclass(frozen=True)
 class PpoParameters(PpoUpdateParameters):
-    """What is fbql's alone, in any task."""
+    """The parameters that only fbql has, in any task."""
 
     fbql_prior: float = parameter(
         0.0,
-        "kappa: the preference that an untrained fbql has for the behavior that the guide would choose; 0: the guide is no "
-        "feature. A policy keeps what it was made with",
+        "kappa: the preference that an untrained fbql has for the behavior that the guide would choose; 0: the guide is not "
+        "a feature. A policy keeps the value that it was made with",
         low=0.0,
         high=100.0,
     )

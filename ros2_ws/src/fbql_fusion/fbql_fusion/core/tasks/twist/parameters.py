@@ -1,4 +1,4 @@
-"""The parameters of a mux that learns: how often it decides, by what, and how."""
+"""The parameters of a mux that learns: when it decides, among which sources, and how it learns."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class DecisionParameters(SessionParameters):
 
     controller: str = parameter(
         "fbql",
-        "what decides which source drives; priorities: as twist_mux, but at each decision",
+        "what decides which source drives; priorities: the rules of twist_mux, applied at each decision",
         choices=MUX_CONTROLLERS,
     )
     behaviors: list[str] = parameter(
-        [], "names of the sources among which it is decided, in order; empty: all below safety_priority"
+        [], "names of the sources to choose from, in order; empty: all below safety_priority"
     )
     guided: int = parameter(
         0, "episodes at the beginning in which the priorities drive and the controller learns", low=0
@@ -35,18 +35,18 @@ class DecisionParameters(SessionParameters):
         "whether the mux learns from rewards which source should drive; without it and without a policy it is twist_mux",
     )
     decision_period_s: float = parameter(
-        0.1, "time from one decision to the next, on the node's clock", unit="s", low=0.001, high=60.0
+        0.1, "time from one decision to the next, by the node's clock", unit="s", low=0.001, high=60.0
     )
     hold_s: float = parameter(
         0.8,
-        f"time for which a source is held while it is learned{ROUNDED.replace('steps', 'decision periods')}",
+        f"time for which a source is held while the mux learns{ROUNDED.replace('steps', 'decision periods')}",
         unit="s",
         low=0.0,
         high=1000.0,
     )
     play_s: float = parameter(
         0.4,
-        f"time for which a source is held when nothing is learned{ROUNDED.replace('steps', 'decision periods')}",
+        f"time for which a source is held when it does not learn{ROUNDED.replace('steps', 'decision periods')}",
         unit="s",
         low=0.0,
         high=1000.0,
@@ -71,7 +71,7 @@ class MuxPpo(MuxFeatures):
 
     fbql_discount: float = parameter(0.995, "gamma of fbql, per fbql_discount_period_s", low=0.0, high=1.0)
     fbql_world_tilings: int = parameter(
-        0, "tilings of what only the critic of fbql sees; a mux has nothing for it", low=0, high=32
+        0, "tilings of what only the critic of fbql sees; in a mux there is no such thing", low=0, high=32
     )
 
 

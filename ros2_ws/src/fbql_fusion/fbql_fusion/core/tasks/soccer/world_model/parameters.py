@@ -9,14 +9,14 @@ from fbql_common.core.parameters import owned_by, parameter
 from fbql_fusion.core.controllers.parameters import SessionParameters
 
 FAMILIES = ("regions", "forest", "neighbours", "linear")
-"""`regions`: robot and ball apart, each free or near something, in the frame of what is near; the others: one regression of
-the change of the whole state on state and command, which knows nothing of soccer."""
+"""`regions`: robot and ball separately, each free or near something, in the frame of what is near; the others: one
+regression of the change of the whole state on state and command, without any knowledge of soccer."""
 
 
 @owned_by("fbql_model")
 @dataclass(frozen=True)
 class WorldModelParameters(SessionParameters):
-    """The parameters of eqs. 21 to 28 in `docs/fusion.md`."""
+    """The parameters of eqs. 21 to 28 in `docs/imagination.md`."""
 
     model_family: str = parameter(
         "regions",
@@ -25,19 +25,19 @@ class WorldModelParameters(SessionParameters):
         choices=FAMILIES,
     )
     model_robot_wall_m: float = parameter(
-        0.085, "the model takes the robot for free of walls from this distance on; negative: fitted", unit="m",
+        0.085, "distance from which on the model treats the robot as free of walls; negative: fitted", unit="m",
         low=-1.0, high=10.0,
     )  # fmt: skip
     model_ball_robot_m: float = parameter(
-        0.11, "the model takes the ball for free of the robot from this distance on; negative: fitted", unit="m",
+        0.11, "distance from which on the model treats the ball as free of the robot; negative: fitted", unit="m",
         low=-1.0, high=10.0,
     )  # fmt: skip
     model_ball_wall_m: float = parameter(
-        0.075, "the model takes the ball for free of walls from this distance on; negative: fitted", unit="m",
+        0.075, "distance from which on the model treats the ball as free of walls; negative: fitted", unit="m",
         low=-1.0, high=10.0,
     )  # fmt: skip
     model_known_sizes: bool = parameter(
-        True, "whether the known sizes keep robot, ball and walls out of each other in imagined episodes"
+        True, "whether the known sizes keep robot, ball and walls from overlapping in imagined episodes"
     )
     model_mirror: bool = parameter(True, "whether the model is also fitted to the mirror image of each step")
     model_gain_deviation: float = parameter(
@@ -45,7 +45,7 @@ class WorldModelParameters(SessionParameters):
         low=-1.0, high=0.5,
     )  # fmt: skip
     model_trees: int = parameter(
-        5, "trees in a forest of the model; one of them, at random, predicts a step", low=1, high=100
+        5, "trees in a forest of the model; a random one of them predicts each step", low=1, high=100
     )
     model_leaf_steps: int = parameter(3, "least number of steps in a leaf of such a tree", low=1, high=1000)
     model_neighbours: int = parameter(
