@@ -1,4 +1,4 @@
-"""Play controllers and parameters over some values and seeds, and compare."""
+"""Play controllers and parameters over several values and seeds, and compare."""
 
 import os
 import sys

@@ -30,7 +30,7 @@ FORKED = Path(__file__).with_name("forked_pytest.py")
 PASSED, NO_TESTS = 0, 5
 """Exit codes of pytest."""
 SHARED = ""
-"""Name for code that runs outside of any test, such as in an import. See forked_pytest."""
+"""Name for code that runs outside any test, such as in an import. See forked_pytest."""
 LEAST_S, FACTOR = 10.0, 5.0
 """CPU time that a test may take with a change: LEAST_S, plus FACTOR times what it takes without one."""
 
@@ -73,7 +73,7 @@ class Module:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the tests said about a mutant."""
+    """The verdict of the tests on a mutant."""
 
     tests: int
     """Number of tests that execute its line."""

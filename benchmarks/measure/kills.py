@@ -61,14 +61,14 @@ SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGKILL", "SIGSTOP")
 CONTROLLERS = ("subsumption", "uniform", "fbql_literal", "fbql_value", "fbql")
 PHASES = ("start", "play")
 FLUSH_PERIOD_S = FusionNodeParameters.flush_period_s
-"""What a crash may lose [s]."""
+"""The longest stretch that a crash may lose [s]."""
 LONGEST_WAIT_S = 4.0
-"""The signal comes up to this long after the start, or after the first command [s]."""
+"""The signal is sent up to this long after the start, or after the first command [s]."""
 HANG_S, GONE_S, START_S = 60.0, 5.0, 60.0
 
 
 class Plan(NamedTuple):
-    """What is done to one bring-up."""
+    """The signal that one bring-up gets, and when."""
 
     number: int
     processes: str
@@ -242,7 +242,7 @@ def _said(plan: Plan, bringup: Bringup) -> Iterator[str]:
 
 
 def _recording(out: Path, heard: Sequence[tuple[float, tuple[int, int]]], sent_s: float) -> dict[str, Any]:
-    """What became of the recording."""
+    """The state of the recording afterwards."""
     if not list(out.glob("*.mcap*")):
         return {"recording": "none", "faults": ["commands were heard, but there is no recording"] if heard else []}
     summary = out / "summary.json"
@@ -334,7 +334,7 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = Parser(prog=PROGRAM, description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--runs", type=int, default=20, metavar="N", help="number of bring-ups (20)")
     parser.add_argument("--workers", type=int, default=1, metavar="N", help="number of bring-ups at a time (1)")
-    parser.add_argument("--seed", type=int, default=1, metavar="S", help="seed of all that is random (1)")
+    parser.add_argument("--seed", type=int, default=1, metavar="S", help="seed of everything random (1)")
     parser.add_argument(
         "--out", type=Path, default=Path("kills.jsonl"), metavar="FILE", help="file of results (kills.jsonl)"
     )

@@ -79,7 +79,7 @@ class Sink(GraphNode):
         return sorted(self._direct_s.keys() & self._through_s.keys())
 
     def figures(self) -> dict[str, float]:
-        """What was measured [ms]."""
+        """The measured latencies [ms]."""
         numbers = self._both()[WARM_UP:]
         added = sorted(1e3 * (self._through_s[number][1] - self._direct_s[number]) for number in numbers)
         through = sorted(1e3 * (received_s - sent_s) for sent_s, received_s in (self._through_s[n] for n in numbers))

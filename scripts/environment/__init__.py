@@ -9,8 +9,8 @@ import sys
 
 if sys.version_info < (3, 9):  # noqa: UP036 - this is the line that tells
     sys.stderr.write(
-        "fbql: this command starts with Python 3.9 or newer (it then finds Python 3.12 by itself), "
-        "and this Python is older. Start it with a newer python3.\n"
+        "fbql: this command needs Python 3.9 or newer to start (it then finds Python 3.12 by itself), "
+        "but this Python is older. Start it with a newer python3.\n"
     )
     sys.exit(2)
 

@@ -65,6 +65,6 @@ class Step:
         write(f"{head} {seconds}\n")
 
     def failed(self) -> None:
-        """Close the line so that the error starts on one of its own."""
+        """Close the line so that the error starts on a new one."""
         if self._live:
             write("\n")

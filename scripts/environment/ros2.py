@@ -26,7 +26,7 @@ from .target import matches, split_path, target_for
 MARKERS = Path("share", "ament_index", "resource_index", "packages")
 SCRIPTS = ROOT / "scripts"
 GRAPH = {"topic": "list, info, echo, hz", "node": "list, info", "param": "list, get"}
-"""What looks at a graph, with the verbs that are here."""
+"""The commands that look at a graph, with the verbs supported here."""
 VERBS = ("run", "pkg", *GRAPH)
 
 

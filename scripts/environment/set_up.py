@@ -199,7 +199,7 @@ class SetUp:
         missing = [tool for tool, programs in tools.items() if self.which(*programs) is None]
         if missing and any(package.is_compiled for package in packages):
             raise SetUpError(
-                f"the messages are compiled, and {', '.join(missing)} cannot be found. Install them, for example with "
+                f"compiling the messages needs {', '.join(missing)}, which cannot be found. Install them, for example with "
                 "`sudo apt install build-essential cmake`, and start again."
             )
 

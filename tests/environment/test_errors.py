@@ -34,7 +34,7 @@ def test_missing_compiler_and_cmake_are_told_before_anything_is_made(checkout: P
     manifest = package / "package.xml"
     manifest.write_text(manifest.read_text().replace("ament_python", "ament_cmake"))
     line = only_line(start(checkout, "ros2", "pkg", "list", PATH=str(tmp_path)))
-    assert "CMake, a C compiler, a C++ compiler, make cannot be found" in line
+    assert "CMake, a C compiler, a C++ compiler, make, which cannot be found" in line
     assert "apt install build-essential cmake" in line
     assert not (checkout / ".venv").exists()
 

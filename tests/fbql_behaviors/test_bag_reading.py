@@ -169,10 +169,10 @@ def test_damaged_metadata_is_refused_in_one_line(metadata: bytes, tmp_path: Path
 def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="there is no such bag"):
         read_bag(tmp_path / "none", SENSED)
-    with pytest.raises(BadInput, match=r"no bag there: it lacks metadata\.yaml"):
+    with pytest.raises(BadInput, match=r"not a bag: it lacks metadata\.yaml"):
         read_bag(tmp_path, SENSED)
     (tmp_path / "a.txt").write_text("text")
-    with pytest.raises(BadInput, match="no ROS 2 bag"):
+    with pytest.raises(BadInput, match="not a ROS 2 bag"):
         read_bag(tmp_path / "a.txt", SENSED)
 
 

@@ -168,4 +168,4 @@ def test_a_parameter_that_two_parts_declare_is_refused(refused, tmp_path_factory
     path.write_text(path.read_text().replace("bandit_random", "record"))
     with only_ours():
         text = refused("fusion", "-p", f"controller_file:={source}", "-p", "controller:=Bandit")
-    assert text.endswith("/fusion: parameter 'record' is declared by two parts; rename the one that is your own")
+    assert text.endswith("/fusion: parameter 'record' is declared by two parts; rename your own")

@@ -220,7 +220,7 @@ def test_a_mux_that_cannot_begin_leaves_no_run_directory(bench, tmp_path):
         (("    observations:", "    locks:\n      stop: {topic: down_vel, timeout: 0.0, priority: 3}\n    observations:"), "topics.down and locks.stop are both "),
         (("field: data, ", ""), "parameter 'observations.a_position.field' is missing"),
         (("low: -1.0", "low: 2.0"), "parameter 'observations.a_position.low' is 2, not below 'high' (1)"),
-        (("linear_x", "linear_w"), "parameter 'axes.linear_w': no axis of a Twist"),
+        (("linear_x", "linear_w"), "parameter 'axes.linear_w': not an axis of a Twist"),
         (("learn: true", "learn: true\n    safety_priority: 1"), "there is no source below safety_priority"),
         (("learn: true", "learn: true\n    policy: nowhere.npz"), "nowhere.npz: no such file"),
     ],

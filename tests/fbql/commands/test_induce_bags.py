@@ -187,7 +187,7 @@ def test_what_can_t_be_is_refused_in_one_line(place: Path, tmp_path: Path, capsy
         ((NAME, *bag, *spec, "--demos", str(place)), "--bag and --demos exclude each other"),
         (("ball_seeking", *bag, *spec), "'ball_seeking' can't be the name of a tree from a bag"),
         (("../x", *bag, *spec), "'../x' can't be the name"),
-        ((NAME, "--bag", str(tmp_path), *spec), "no bag there"),
+        ((NAME, "--bag", str(tmp_path), *spec), "not a bag"),
         ((NAME, "--bag", str(still), *spec), "is the same in all 50 patterns (linear.x 0.5, angular.z 0, rounded"),
         ((NAME, *bag, *spec, "--every", "0"), "every is 0; it must be at least 1"),
     ):

@@ -40,7 +40,7 @@ def test_a_tree_that_finds_the_ball_is_right(done: Path) -> None:
     verdict = check([], done)
     assert verdict.right
     assert f"reaches the ball from {arrived} of {STARTS} starts" in verdict.line
-    assert verdict.line.startswith("40 demonstrations, driven again step by step, are the same")
+    assert verdict.line.startswith("40 demonstrations, driven again, are the same in every step")
 
 
 def test_a_tree_of_few_demonstrations_is_not_enough_and_the_hint_says_what_to_show(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_demonstrations_that_nobody_drove_are_wrong(done: Path, tmp_path: Path) 
     save_demonstrations(work / DEMONSTRATIONS, "ball_seeking", made, about_origins(origins))
     verdict = check([], work)
     assert not verdict.right
-    assert verdict.line.startswith("driven again, your demonstrations lead elsewhere")
+    assert verdict.line.startswith("your demonstrations, driven again, come out differently")
 
 
 def test_a_match_in_the_place_of_the_demonstrations_is_refused(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def test_another_behavior_and_another_leaf_are_wrong_and_the_hint_leads_to_the_s
         assert verdict.line.startswith(f"{other} did not drive at the last hit")
     verdict = check([behavior, str(leaf + 1000)], work)
     assert not verdict.right
-    assert f"it was {behavior}, but not by leaf {leaf + 1000}" in verdict.line
+    assert f"it was {behavior}, but not with leaf {leaf + 1000}" in verdict.line
     assert f"steps {step - 12} to {step + 12}" in verdict.line
 
 

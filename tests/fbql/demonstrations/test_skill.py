@@ -1,4 +1,4 @@
-"""How well a tree plays: beside the instructor and the tree that ships, from the same starts, and what to show more of."""
+"""How well a tree plays: beside the instructor and the shipped tree, from the same starts, and what to demonstrate more."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_induce_tells_the_skill_and_draws_what_to_show_more_of(
     assert f"skill, from the same {STARTS} starts: steps to the ball (95 % interval)" in said
     for driver in (TREE, INSTRUCTOR, SHIPPED):
         assert f"    {driver}" in said
-    assert "show more of this, in which it drove and which was never shown:" in said
+    assert "demonstrate more of this, where it drove but nothing was demonstrated:" in said
     grid = [line.strip() for line in said.splitlines() if set(line.strip()) <= set("#?.") and len(line.strip()) == 8]
     assert len(grid) == 8
     page = (tmp_path / "tree.html").read_text()

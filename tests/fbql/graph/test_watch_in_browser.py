@@ -176,7 +176,7 @@ def test_demonstrations_are_watched(start: Start, browser: Browser, tmp_path: Pa
         "--replay", str(made), "--watch", "browser", "--json", script="demonstrate.py", out=False, environment=NO_SCREEN
     )
     opened(browser, run)
-    shown(browser, "The instructor shows wall_avoiding", "#why")
+    shown(browser, "The instructor demonstrates wall_avoiding", "#why")
     fastest(browser)
     assert run.exit_code() == 0, run.stderr
     assert json.loads(run.stdout)["identical"] is True

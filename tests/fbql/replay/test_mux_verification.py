@@ -130,12 +130,12 @@ def test_other_parameters_than_were_recorded_are_a_difference_and_wrong_ones_one
         "axes": (
             {"axes": {"linear_w": {"low": 0.0, "high": 1.0}}},
             2,
-            "config.yaml: parameter 'axes.linear_w': no axis",
+            "config.yaml: parameter 'axes.linear_w': not an axis",
         ),
         "observations": (
             {"observations": {}},
             2,
-            "its decisions are not on the sources and observations of its config.yaml",
+            "its decisions do not match the sources and observations in its config.yaml",
         ),
         "learn": ({"learn": 3}, 2, "config.yaml: parameter 'learn' must be true or false"),
     }.items():

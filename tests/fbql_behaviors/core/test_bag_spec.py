@@ -106,7 +106,7 @@ REFUSED = {
     "no axis": (content(command={"topic": "/c", "axes": {}}), "'command.axes' is missing or empty"),
     "a strange axis": (
         content(command={"topic": "/c", "axes": {"linear.q": {"low": 0, "high": 1}}}),
-        "command.axes.linear.q: no field of a Twist; it has linear.x",
+        "command.axes.linear.q: not a field of a Twist; it has linear.x",
     ),
     "one level": (
         content(command={"topic": "/c", "axes": {"linear.x": {"low": 0, "high": 1, "levels": 1}}}),

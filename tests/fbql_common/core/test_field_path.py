@@ -112,7 +112,7 @@ def test_inf_stays_unless_it_counts_as_something() -> None:
         ("name[0:2].min", "is a text, not an array"),
         ("speed[0]", "not an array"),
         ("parts[0:1].min", "does not hold numbers"),
-        ("ranges.yaw", "yaw is of a quaternion, and that is an array"),
+        ("ranges.yaw", "yaw needs a quaternion, but that is an array"),
     ],
 )
 def test_what_a_message_does_not_have_is_refused_with_what_it_has(text: str, problem: str) -> None:

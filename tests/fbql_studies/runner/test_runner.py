@@ -359,7 +359,7 @@ def test_the_revisions_that_did_the_tasks_are_told_and_not_the_one_that_tells(
 
     assert told("none", "--seeds", "0", "--others", "raise") == (
         "unknown",
-        f"1 task, 1 at a time; results go to {tmp_path / 'out'}, and Ctrl-C loses none that is done\n"
+        f"1 task, 1 at a time; results go to {tmp_path / 'out'}, and Ctrl-C loses none that are done\n"
         "[1/1] raise FAILED: ValueError: this task always fails\n",
     )
     shutil.rmtree(tmp_path / "out")

@@ -1,4 +1,4 @@
-"""Arguments of the functions of `import fbql`: of the type that is declared, or refused in one line."""
+"""Checks arguments of the functions of `import fbql`: one of another type than declared is refused in one line."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ MAX_SPEC_BYTES = 2**20
 
 
 class Bag(NamedTuple):
-    """What a specification needs of a bag."""
+    """The parts of a bag that a specification needs."""
 
     events: list[Event]
     types: dict[str, str]
@@ -59,11 +59,11 @@ def read_bag(path: Path, spec: Spec) -> Bag:
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None
     except FileNotFoundError:
-        raise BadInput(f"{path}: no bag there: it lacks metadata.yaml, or is no .mcap or .db3 file") from None
+        raise BadInput(f"{path}: not a bag: it lacks metadata.yaml, or is not an .mcap or .db3 file") from None
     except OSError as error:
         raise BadInput(f"{path}: {error.strerror or error}") from None
     except Exception as error:  # a damaged bag fails in the middle of whatever decodes it
-        raise BadInput(f"{path}: this bag is damaged, or no ROS 2 bag ({in_one_line(error)})") from None
+        raise BadInput(f"{path}: this bag is damaged, or not a ROS 2 bag ({in_one_line(error)})") from None
 
 
 def _rosbags() -> Any:

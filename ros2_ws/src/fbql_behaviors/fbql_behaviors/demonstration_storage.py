@@ -42,7 +42,7 @@ class Recording(NamedTuple):
     """Name of the behavior; empty when the file does not say."""
     demonstrations: list[Demonstration]
     about: dict[str, str]
-    """What else the file's Metadata record `fbql` says, such as who demonstrated."""
+    """Further entries of the file's Metadata record `fbql`, such as who demonstrated."""
 
 
 def load_demonstrations(path: Path, behavior: str) -> list[Demonstration]:
@@ -70,7 +70,7 @@ def check_behavior(recording: Recording, behavior: str) -> None:
             f"{recording.file}: a match of {controller}, not demonstrations; `replay RUN --watch` shows a match, "
             "`demonstrate` records demonstrations"
         )
-    raise BadInput(f"{recording.file}: no demonstrations of ours: it does not say of which behavior they are")
+    raise BadInput(f"{recording.file}: not demonstrations recorded by `demonstrate`: it does not name their behavior")
 
 
 def load_recordings(path: Path) -> Iterator[Recording]:

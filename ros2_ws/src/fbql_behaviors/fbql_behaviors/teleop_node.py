@@ -51,7 +51,7 @@ class TeleopNode(GraphNode):
         kind = StampedTwist if self._parameters.stamped else Twist
         self._publisher = self.create_publisher(MESSAGES[kind], CMD_VEL, COMMAND_QOS)
         self._moved_s = float("-inf")
-        """When the robot was last told to move, or to stop."""
+        """When the robot was last commanded to move, or to stop."""
         self._timer = steady_timer(self, 1.0 / self._parameters.rate_hz, self._tick)
 
     def _tick(self) -> None:

@@ -86,7 +86,7 @@ class TwistBehaviorNode(GraphNode):
         )
 
     def _now_ns(self) -> int:
-        """The time that ages are counted in: simulated time, or the steady clock, which nobody sets."""
+        """The time by which ages are measured: simulated time, or the steady clock, which is never set."""
         return self.get_clock().now().nanoseconds if self._has_sim_time else monotonic_ns()
 
     def _on_message(self, topic: str, message: Any) -> None:

@@ -11,13 +11,13 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 
 def generate_launch_description() -> LaunchDescription:
-    """The node, which plays a tree file, or the tree that ships under the behavior's name."""
+    """The node, which plays a tree file, or the shipped tree of the behavior's name."""
     name, tree_file = LaunchConfiguration("name"), LaunchConfiguration("tree_file")
     ships = EqualsSubstitution(tree_file, "")
     return LaunchDescription(
         [
             DeclareLaunchArgument("name", description="name of the behavior, and of its node"),
-            DeclareLaunchArgument("tree_file", default_value="", description="its tree; empty: the one that ships"),
+            DeclareLaunchArgument("tree_file", default_value="", description="its tree; empty: the shipped one"),
             Node(package="fbql_behaviors", executable=name, output="screen", condition=IfCondition(ships)),
             Node(
                 package="fbql_behaviors",

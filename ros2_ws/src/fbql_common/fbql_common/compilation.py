@@ -67,7 +67,7 @@ class _FirstCall:
             _FirstCall.spent_s += monotonic() - begun_s
             if _FirstCall.spent_s > SLOW_S and not _FirstCall.is_reported:
                 _FirstCall.is_reported = True
-                print("learning is being compiled, which takes some seconds once", file=sys.stderr, flush=True)
+                print("compiling the learning code, which takes some seconds once", file=sys.stderr, flush=True)
         return result
 
 

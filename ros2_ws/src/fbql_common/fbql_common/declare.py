@@ -79,7 +79,7 @@ def declare_all(
     known = [name for declaration in declarations for name in types_of(declaration)]
     for name in known:
         if known.count(name) > 1:
-            raise BadInput(f"{where}: parameter '{name}' is declared by two parts; rename the one that is your own")
+            raise BadInput(f"{where}: parameter '{name}' is declared by two parts; rename your own")
     groups = groups or {}
     for name in node._parameter_overrides:
         if name in known or name in _ALWAYS_THERE or name.startswith("qos_overrides."):

@@ -200,7 +200,7 @@ def read_file(path: Path, most_bytes: int) -> bytes:
 
 
 def unreadable(path: Path, error: OSError) -> BadInput:
-    """What to raise for a file that can't be read."""
+    """The error to raise for a file that can't be read."""
     if isinstance(error, FileNotFoundError):
         return BadInput(f"{path}: no such file")
     return BadInput(f"{path}: cannot be read ({error.strerror or error})")

@@ -43,7 +43,7 @@ _LOCATOR = re.compile(r"(?:(?:TCP|UDP)v[46]:)?(?:\[(?P<six>[^]]+)\]|(?P<host>[^\
 """A host and perhaps a port, as ROS_STATIC_PEERS and ROS_DISCOVERY_SERVER name it."""
 _SHARED_MEMORY = Path("/dev/shm")
 _ROOM_BYTES = 8 << 20
-"""What a graph of five processes and a tool take, twice over."""
+"""Twice the room that a graph of five processes and a tool needs."""
 
 
 def prepare_middleware(say: Callable[[str], None]) -> None:
@@ -105,7 +105,7 @@ def refuse_security() -> None:
 
 
 def shared_memory_problem(directory: Path = _SHARED_MEMORY) -> str:
-    """What keeps Fast DDS from using shared memory, and how to mend it, in one line; empty if nothing does."""
+    """What keeps Fast DDS from using shared memory, and how to repair it, in one line; empty if nothing does."""
     mend = f"when no ROS program runs: rm -f {directory}/fastrtps_* {directory}/sem.fastrtps_*"
     try:
         with tempfile.NamedTemporaryFile(prefix="fbql_", dir=directory) as file:
@@ -174,7 +174,7 @@ def set_aside_absent_middleware(say: Callable[[str], None]) -> None:
 
 
 def absent_middleware() -> str:
-    """What is wrong with RMW_IMPLEMENTATION, in one line; empty if it is unset or names an installed middleware."""
+    """The problem with RMW_IMPLEMENTATION, in one line; empty if it is unset or names an installed middleware."""
     name = os.environ.get(_RMW, "")
     try:
         known = sorted(each for each in get_resources("rmw_typesupport") if each != "rmw_implementation")

@@ -9,7 +9,7 @@ from fbql_common.core.parameters import defaults_of, limits_of, types_of
 
 
 def asks_for_help(words: Sequence[str]) -> bool:
-    """Whether a command line asks for help, outside of what is meant for ROS."""
+    """Whether a command line asks for help, outside its arguments for ROS."""
     own = words[: words.index("--ros-args")] if "--ros-args" in words else words
     return not {"-h", "--help"}.isdisjoint(own)
 

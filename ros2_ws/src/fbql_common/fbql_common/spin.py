@@ -31,7 +31,7 @@ from fbql_common.middleware import prepare_node
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 SUPERVISED = "FBQL_SUPERVISED"
 """Environment variable that a supervisor sets for the processes it starts: one that a signal ends then returns 128 plus the
-signal's number, as a shell reports it, instead of 0, so that the supervisor can tell who was ended by what."""
+signal's number, as a shell reports it, instead of 0, so that the supervisor can tell which node was ended by which signal."""
 _SIGNAL_BASE = 128
 _SETTLE_S = 1.0
 """How long a node that is started by itself looks for others of its kind [s]. A supervisor sees to it that there are none."""
@@ -78,7 +78,7 @@ class _Signals:
 
     def __init__(self) -> None:
         self.received = 0
-        """The first signal that came; 0 before."""
+        """The first signal that arrived; 0 before."""
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._note)
 

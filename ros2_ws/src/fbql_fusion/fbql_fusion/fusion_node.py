@@ -48,7 +48,7 @@ from fbql_fusion.team_files import read_playing_trees
 
 _CHECK_PERIOD_S = 0.02
 SHIPPED, NO_POLICY = "shipped", "none"
-"""Values of the parameter `policy` that are no files."""
+"""Values of the parameter `policy` that are not files."""
 _SAY_PERIOD_S = 5.0
 """How often the node reports what it waits for [s]."""
 
@@ -345,7 +345,7 @@ def _result_text(session: SoccerSession) -> str:
 
 
 def _usual(node: FusionNode, controller: str) -> dict[str, Any]:
-    """What the node plays where it is given nothing else: what bringup plays.
+    """What the node plays by default: the same as bringup.
 
     Args:
         controller: the one in `controller_file`, if there is one.

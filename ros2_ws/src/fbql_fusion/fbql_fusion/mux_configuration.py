@@ -30,7 +30,7 @@ from fbql_fusion.core.tasks.twist.parameters import MuxLearningParameters
 
 
 class MuxConfiguration(NamedTuple):
-    """What a mux node is made of."""
+    """The configuration of a mux node."""
 
     description: MuxDescription
     config: MuxConfig

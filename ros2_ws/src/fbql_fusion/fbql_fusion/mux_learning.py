@@ -149,7 +149,7 @@ class MuxLearning:
             self._node.finish(0 if self.run is None else self.run.exit_code())
 
     def _look(self) -> None:
-        """Notices somebody who will say when episodes end, and a clock or an observation that does not come."""
+        """Notices publishers of outcomes, which will say when episodes end, and a clock or an observation that does not arrive."""
         if not self.mux.has_episodes:
             self.mux.has_episodes = self._outcomes.publishers() > 0
         for each in (self._outcomes, self._rewards):

@@ -1,4 +1,4 @@
-"""What a mux that learns writes of a run: the run directory, and the recording of its decisions and commands."""
+"""The files that a mux that learns writes: the run directory, and the recording of its decisions and commands."""
 
 from __future__ import annotations
 

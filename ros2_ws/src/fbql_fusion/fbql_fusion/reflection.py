@@ -1,4 +1,4 @@
-"""What a controller learns between two episodes, in a thread of its own, so that the node stays responsive."""
+"""Learning between two episodes, in a separate thread, so that the node stays responsive."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fbql_fusion.core.soccer_session import SoccerSession
 
 
 class Reflection:
-    """Takes a session to its next episode. Until that is done, nobody else may call the session but for its policy.
+    """Takes a session to its next episode. Until that is done, nobody else may call the session, except for its policy.
 
     The thread ends with the process: an interrupted run keeps the policy from before.
     """

@@ -1,4 +1,4 @@
-"""What the fusion node writes of a run: the recording and the run directory of one session."""
+"""The files that the fusion node writes: the recording and the run directory of one session."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _CSV, _PYTHON = "text/csv", "text/x-python"
 
 
 class SessionRecorder:
-    """What a node writes of a session's run, whatever the task: the run directory, and the recording if that is asked for.
+    """Writes the files of a session's run, whatever the task: the run directory, and the recording if it is asked for.
     No failure here ever affects control."""
 
     _session: SoccerSession | MuxSession

@@ -1,6 +1,6 @@
 """The trees of the behaviors, read from their files for a controller that imagines how they would drive.
 
-A behavior's node reads the same file and checks all of it; here it is only made sure that it is whole.
+A behavior's node reads the same file and checks all of it; here it is only checked that the file is complete.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ABOUT_THE_FILE = ("format", "version", "sha256")
 
 
 def read_playing_trees(files: Sequence[Path]) -> list[PlayingTree]:
-    """The trees in these files. Raises BadInput, with file and reason in one line, for what is not a whole tree file."""
+    """The trees in these files. Raises BadInput, with file and reason in one line, for anything but a complete tree file."""
     return [_read(path) for path in files]
 
 

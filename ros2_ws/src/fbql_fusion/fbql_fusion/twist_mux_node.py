@@ -84,7 +84,7 @@ class TwistMuxNode(GraphNode):
         ]
         self._learning: MuxLearning | None = None
         self._decide: LearnedMux | Mux = self._mux
-        """What says whether a command is passed on."""
+        """Decides whether a command is passed on."""
         self._kept: dict[int, tuple[Twist | StampedTwist, bytes]] = {}
         """The last command of each source that was not passed on; only where a tick may still do so."""
         if configured.description.is_learned:

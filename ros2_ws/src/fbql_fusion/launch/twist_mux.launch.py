@@ -14,7 +14,7 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument("config", description="parameter file with topics and locks"),
             DeclareLaunchArgument(
-                "cmd_vel_out", default_value="cmd_vel_out", description="topic of what drives the robot"
+                "cmd_vel_out", default_value="cmd_vel_out", description="topic of the robot's velocity commands"
             ),
             Node(
                 package="fbql_fusion",

@@ -14,7 +14,7 @@ _TOLERANCE_NS = 1000
 
 @dataclass
 class Told:
-    """What metadata.yaml says; None or nothing where it says nothing that can be used."""
+    """The contents of metadata.yaml; None or empty where it has nothing usable."""
 
     messages: int | None = None
     start_ns: int | None = None
@@ -28,7 +28,7 @@ class Told:
 
 
 def told_by(information: Mapping[str, Any]) -> Told:
-    """What `rosbag2_bagfile_information` says."""
+    """The contents of `rosbag2_bagfile_information`."""
     told = Told()
     told.messages = _number(told, information, "message_count")
     told.start_ns = _number(told, information.get("starting_time"), "nanoseconds_since_epoch", "starting_time: ")

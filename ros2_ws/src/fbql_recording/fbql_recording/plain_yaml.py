@@ -111,7 +111,7 @@ class _Reader:
         found: dict[str, Any] = {}
         while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             if not isinstance(event, yaml.ScalarEvent) or (event.value == "<<" and not event.style):
-                raise BadInput(f"{_place(event)}: a name that is no text")
+                raise BadInput(f"{_place(event)}: a name that is not a text")
             self._check(event, depth)
             if event.value in found:
                 raise BadInput(f"{_place(event)}: '{event.value[:100]}' is there twice")
@@ -157,7 +157,7 @@ def _whole_number(event: Any) -> int:
     except ValueError:  # 0x_
         number = _TOO_LARGE
     if not -(2 ** (_BITS - 1)) <= number < _TOO_LARGE:
-        raise BadInput(f"{_place(event)}: a whole number of more than {_BITS} bits, or none")
+        raise BadInput(f"{_place(event)}: a whole number of more than {_BITS} bits, or not a number")
     return number
 
 

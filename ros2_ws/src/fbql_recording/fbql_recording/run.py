@@ -112,7 +112,7 @@ class Run:
 
     @property
     def about(self) -> dict[str, str]:
-        """What the recording says of itself: of a match its controller and seed, of demonstrations their behavior."""
+        """The recording's description of itself: the controller and seed of a match, the behavior of demonstrations."""
         records = [values for mcap in self._mcaps for name, values in mcap.metadata.values() if name == RUN_RECORD]
         return dict(records[0]) if records else {}
 
@@ -360,7 +360,7 @@ class _Places:
             for topic in ours
             if topic not in self.topics
         ]
-        """Topics of ours that can't be read, in words."""
+        """Our own topics that can't be read, in words."""
         self.behaviors: dict[str, str] = {}
         """Topic of each behavior that was recorded, by the behavior's name."""
         self._single: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""The run directory: everything that a run writes, in one place that is never overwritten.
+"""The run directory, which holds everything that a run writes and is never overwritten.
 
 config.yaml    every parameter in force, versions, git revision
 episodes.csv   one row per episode, written as it ends
@@ -98,7 +98,7 @@ class RunDirectory:
         """Whether something could not be written, so that the run is incomplete."""
         self._report = report
         self._made: list[Path] = []
-        """What `discard` removes."""
+        """The paths that `discard` removes."""
         self._episodes = -1
         self._room = path / ".room_for_the_summary"
         if not path.is_dir():

@@ -1,6 +1,6 @@
 """Where a recording's files are: a run directory, any directory that `ros2 bag` accepts, or one MCAP file alone.
 
-Nothing outside of the directory is ever read, not even if its metadata.yaml or a symbolic link in it points there.
+Nothing outside the directory is ever read, not even if its metadata.yaml or a symbolic link in it points there.
 """
 
 from __future__ import annotations

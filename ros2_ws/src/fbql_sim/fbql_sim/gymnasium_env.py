@@ -218,7 +218,7 @@ class WheelsEnv(gymnasium.Env[NDArray[np.float32], Any]):
 
 
 def numbers_of(action: Any, count: int) -> list[float]:
-    """The finite numbers of an action. Raises ValueError where it is anything else than so many."""
+    """The finite numbers of an action. Raises ValueError for anything but that many finite numbers."""
     try:
         values = np.asarray(action)
     except ValueError:  # rows of different lengths

@@ -111,7 +111,7 @@ def add_runner_options(parser: Parser, out: str, fewer: str) -> None:
         fewer: what an earlier run may have had fewer of, to be extended.
     """
     parser.add_argument(
-        "--jobs", type=int, metavar="N", help="workers on this machine (as many as cores that it may use)"
+        "--jobs", type=int, metavar="N", help="workers on this machine (one for each core that it may use)"
     )
     parser.add_argument(
         "--scheduler",

@@ -472,10 +472,10 @@ def test_the_example_of_the_page_can_be_learned() -> None:
     ("values", "reason"),
     [
         ({"behaviors": ["c"]}, "'behaviors' has 'c', which is not one of the sources (a, joystick)"),
-        ({"behaviors": ["joystick"]}, "'joystick', whose priority is 100: one to choose among is above 0 and below safety_priority"),
+        ({"behaviors": ["joystick"]}, "'joystick', whose priority is 100; it must be above 0 and below safety_priority"),
         ({"behaviors": ["a", "a"]}, "'behaviors' names 'a' twice"),
         ({"safety_priority": 10}, "there is no source below safety_priority, so there is nothing to decide"),
-        ({"axes": {"linear_w": {"low": 0.0, "high": 1.0}}}, "'axes.linear_w': no axis of a Twist"),
+        ({"axes": {"linear_w": {"low": 0.0, "high": 1.0}}}, "'axes.linear_w': not an axis of a Twist"),
         ({"axes": {"linear_x": {"low": 1.0, "high": 1.0}}}, "'axes.linear_x.low' is 1, not below 'high' (1)"),
         ({"observations": {"o": OBSERVATIONS["goal"] | {"field": "a..b"}}}, "'observations.o.field': 'a..b' is not the path"),
         ({"observations": {"o": OBSERVATIONS["goal"] | {"low": 2.0}}}, "'observations.o.low' is 2, not below 'high' (1)"),

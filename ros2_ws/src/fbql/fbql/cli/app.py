@@ -152,7 +152,7 @@ def _find(name: str) -> Any:
 
 
 def _check_middleware() -> None:
-    """Before a command imports rclpy, which ends the process when the middleware that the user names is absent."""
+    """To be called before a command imports rclpy, which ends the process if the user's middleware is not installed."""
     try:
         from fbql_common.middleware import set_aside_absent_middleware
     except ModuleNotFoundError:  # no ROS here, and a command that needs it says so

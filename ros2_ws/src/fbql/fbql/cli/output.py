@@ -31,7 +31,7 @@ _results: TextIO | None = None
 
 
 def set_program(name: str) -> None:
-    """Sets what the command in this process calls itself in front of every error."""
+    """Sets the name that the command in this process puts in front of every error."""
     global _program
     _program = name
 

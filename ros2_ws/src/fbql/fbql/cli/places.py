@@ -46,7 +46,7 @@ def new_path(name: str) -> Path:
         _reserved.add(path)
         atexit.register(_release, path)
         return path
-    raise BadInput(f"{RUNS}: a thousand outputs of one second; name one with --out")
+    raise BadInput(f"{RUNS}: it has a thousand outputs of this second; name one with --out")
 
 
 def is_reserved(path: Path) -> bool:

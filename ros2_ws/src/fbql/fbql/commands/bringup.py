@@ -134,7 +134,7 @@ def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrup
 
 
 def _view(match: Match, way: str, line: LiveLine) -> View:
-    """What shows the match."""
+    """The view that shows the match."""
     trees = [load_tree(file) for file in match.behaviors.values()]
     if way == "terminal":
         from fbql.watch.terminal import MatchScreen

@@ -97,7 +97,7 @@ def _by_keyboard(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _recordings(arguments: argparse.Namespace) -> list[Recording]:
-    """What --replay or --merge names."""
+    """The recordings that --replay or --merge names."""
     paths = arguments.merge or ([] if arguments.replay is None else [arguments.replay])
     return recordings_of(paths, arguments.behavior) if paths else []
 

@@ -1,4 +1,4 @@
-"""Induces a behavior's tree from demonstrations, or from bags of any robot, and writes the tree file."""
+"""Induces a behavior's tree from demonstrations, or a tree for any robot from bags, and writes the tree file."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def parser(program: str) -> Parser:
     """The command line."""
     command = Parser(
         prog=program,
-        description="Induces a behavior's decision tree from demonstrations, or a tree of any robot from ROS 2 bags.",
+        description="Induces a behavior's decision tree from demonstrations, or a tree for any robot from ROS 2 bags.",
     )
     command.add_argument("behavior", metavar="BEHAVIOR", help=f"such as: {', '.join(OBSERVATIONS)}")
     command.add_argument(
@@ -74,7 +74,7 @@ def parser(program: str) -> Parser:
         type=Path,
         action="append",
         metavar="DIR",
-        help="ROS 2 bag of any robot (rosbag2 in MCAP or SQLite 3), of which --spec says what to take; may be repeated",
+        help="ROS 2 bag of any robot (rosbag2 in MCAP or SQLite 3), from which --spec says what to take; may be repeated",
     )
     command.add_argument(
         "--spec", type=Path, metavar="FILE", help="with --bag: what is sensed and commanded (YAML, see docs/bags.md)"
@@ -104,7 +104,7 @@ def parser(program: str) -> Parser:
         "--starts",
         type=int,
         metavar="N",
-        help=f"starts to measure the tree's skill from, beside the instructor and the tree that ships ({STARTS}; 0: do not)",
+        help=f"starts to measure the tree's skill from, beside the instructor and the shipped tree ({STARTS}; 0: none)",
     )
     command.add_argument("--leaves", type=int, metavar="N", help="leaves of --method cart (chosen by cross-validation)")
     add_observation_option(command)
@@ -229,7 +229,7 @@ def _demonstrations(request: InductionRequest, paths: Sequence[Path] | None) -> 
 
 
 def _skill(arguments: argparse.Namespace, task: _Task, made: InducedTree) -> SkillReport | None:
-    """How well the tree plays; None where it is not to be measured, or can't be."""
+    """How well the tree plays; None if it is not to be measured, or can't be."""
     starts = STARTS if arguments.starts is None else arguments.starts
     if starts < 0:
         raise BadInput(f"--starts is {starts}; it must be 0 or more")
@@ -237,7 +237,7 @@ def _skill(arguments: argparse.Namespace, task: _Task, made: InducedTree) -> Ski
 
 
 def _skill_words(skill: SkillReport | None) -> Iterator[str]:
-    """How well the tree plays, and what to show more of."""
+    """How well the tree plays, and what more to demonstrate."""
     if skill is None:
         return
     yield f"  skill, from the same {counted(skill.starts, 'start')}: {skill.measure} (95 % interval)"
@@ -249,15 +249,15 @@ def _skill_words(skill: SkillReport | None) -> Iterator[str]:
         yield f"    {each.driver:<23}  {each.cost.estimate:.0f}{interval}{arrived}{contact}"
     gaps = skill.coverage.gaps()
     if gaps:
-        yield "  show more of this, in which it drove and which was never shown:"
+        yield "  demonstrate more of this, where it drove but nothing was demonstrated:"
         yield from (f"    {percent(gap.share)} of its driving: {gap.where}" for gap in gaps)
         first, *second = (feature.name.replace("_", " ") for feature in skill.coverage.features)
         lines = skill.coverage.map()
         if lines:
-            yield f"  {first} to the right{f', {second[0]} upwards' if second else ''}: # shown, ? to be shown, . not needed"
+            yield f"  {first} to the right{f', {second[0]} upwards' if second else ''}: # shown, ? missing, . not needed"
             yield from (f"    {line}" for line in lines)
     elif skill.coverage.share_shown is not None:
-        yield "  everything that it drove in was shown"
+        yield "  wherever it drove, something was demonstrated"
 
 
 def _write(path: Path, text: str) -> None:
@@ -302,7 +302,7 @@ def _next_steps(path: Path, behavior: str, observations: Sequence[str], of_bags:
 
 
 def _drops(read: BagPatterns) -> list[str]:
-    """What became of the commands of bags, a line each."""
+    """The numbers of commands of the bags that were used, dropped or clamped, a line each."""
     lines = [f"{counted(read.commands, 'command')} in the bags"]
     lines += [f"{number} dropped: {reason}" for reason, number in sorted(read.dropped.items())]
     lines += [f"{number} clamped: {name} outside its limits" for name, number in sorted(read.clamped.items())]

@@ -20,24 +20,27 @@ def parser(program: str) -> Parser:
     """The command line."""
     command = Parser(
         prog=program,
-        description="The course: shows a lesson, and with --check looks at what you did and tells whether it is right.",
+        description="The course: shows a lesson, and with --check checks what you did.",
         epilog="Exit codes: 0 done, or the answer is right; 1 it is not; 2 bad input.",
     )
     command.add_argument(
-        "number", type=int, nargs="?", metavar="N", help=f"lesson, {min(CHECKS)} to {max(CHECKS)} (what there is)"
+        "number", type=int, nargs="?", metavar="N", help=f"lesson, {min(CHECKS)} to {max(CHECKS)} (a list of them)"
     )
     command.add_argument(
         "--check", nargs="*", metavar="ANSWER", help="check the task of the lesson; the lesson says what it asks for"
     )
     command.add_argument(
-        "--work", type=Path, metavar="DIR", help="with --check: where the lesson's commands wrote (runs/course)"
+        "--work",
+        type=Path,
+        metavar="DIR",
+        help="with --check: directory that the lesson's commands wrote to (runs/course)",
     )
     add_json_option(command)
     return command
 
 
 def run(arguments: argparse.Namespace, _interrupts: Interrupts) -> int:
-    """Shows or checks. Returns 0, or 1 for an answer that is not right."""
+    """Shows or checks. Returns 0, or 1 for a wrong answer."""
     if arguments.check is None:
         for note in without_effect(arguments, ["work"], "without --check"):
             complain(note)

@@ -110,7 +110,7 @@ def parser(program: str) -> Parser:
 
 
 def _say_if_demonstrations(run: Run, arguments: argparse.Namespace) -> None:
-    """Says what shows demonstrations, which are published like a match. Raises BadInput where only a match will do."""
+    """Says which command shows demonstrations, which are published like a match. Raises BadInput where only a match will do."""
     behavior = run.about.get(BEHAVIOR_KEY)
     if not behavior:
         return

@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
 
 
 def _as_recorded(record: EpisodeRecord) -> Episode:
-    """An episode as a recording would have it."""
+    """An episode in the form in which a recording would have it."""
     return Episode(
         record.index,
         first_step=0,

@@ -20,7 +20,7 @@ from fbql.report.comparison import (
 )
 
 RULE, LEARNED = "rule", "learned"
-"""The runs are RULE-SEED and LEARNED-SEED."""
+"""The runs are named RULE-SEED and LEARNED-SEED."""
 UNDECIDED = "undecided"
 LEAST_SEEDS = 6
 """With fewer pairs p can't get below .05."""
@@ -53,12 +53,12 @@ def check(answer: Sequence[str], work: Path) -> Verdict:
     if abs(given - pair.cost_ratio) > CLOSE * pair.cost_ratio:
         hint = "compare.py prints it, with rule-... named first"
         if abs(given * pair.cost_ratio - 1.0) <= CLOSE:
-            hint = "that is rule over learned; it is to be learned over rule, so name rule-... first"
+            hint = "that is rule over learned; it should be learned over rule, so name rule-... first"
         return Verdict(False, f"{given:g} is not the ratio of steps per goal: {hint}")
     truth = UNDECIDED if pair.p >= LEVEL else LEARNED if pair.cost_ratio < 1.0 else RULE
     if word != truth:
-        why = f"p = {pair.p:.2g}, where {LEVEL} or more means that chance alone does as much often enough"
-        return Verdict(False, f"the ratio is right, but not what you make of it: {why}")
+        why = f"p = {pair.p:.2g}; {LEVEL} or more means that chance alone makes such a difference often enough"
+        return Verdict(False, f"the ratio is right, but your conclusion is not: {why}")
     return Verdict(
         True,
         f"learned over rule: {pair.cost_ratio:.3g} of the steps per goal, p = {pair.p:.2g} over {pair.seeds} seeds "
@@ -75,7 +75,7 @@ def _group(work: Path, name: str) -> Group:
     if len(groups) > 1:
         odd = next(run.name for group in groups[1:] for run in group.runs)
         raise BadInput(
-            f"{work / odd}: differs from {groups[0].runs[0].name} in more than the seed; remove it, play it again"
+            f"{work / odd}: differs from {groups[0].runs[0].name} in more than the seed; remove it and play it again"
         )
     return groups[0]
 
@@ -85,7 +85,7 @@ def _result(path: Path) -> RunResult:
 
 
 def _played(group: Group) -> tuple[str | None, ...]:
-    """What both groups must have in common."""
+    """The properties that both groups must have in common."""
     return tuple(group.runs[0].setting.get(name) for name in ("episodes", "goals", "max_steps"))
 
 

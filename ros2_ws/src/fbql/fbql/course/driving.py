@@ -33,7 +33,7 @@ def check(answer: Sequence[str], work: Path) -> Verdict:
     words_of(answer, "", "")
     recordings = recordings_of([made(work / DEMONSTRATIONS)], BEHAVIOR)
     if difference := verify(recordings).first_difference:
-        return Verdict(False, f"driven again, your demonstrations lead elsewhere: {difference}; record new ones")
+        return Verdict(False, f"your demonstrations, driven again, come out differently: {difference}; record new ones")
     tree = load_tree(made(work / TREE))
     demonstrations = [each for recording in recordings for each in recording.demonstrations]
     recipe = recipe_of(BEHAVIOR)
@@ -51,7 +51,7 @@ def check(answer: Sequence[str], work: Path) -> Verdict:
         )
     return Verdict(
         True,
-        f"{len(demonstrations)} demonstrations, driven again step by step, are the same; your tree of {tree.leaf_count} leaves "
+        f"{len(demonstrations)} demonstrations, driven again, are the same in every step; your tree of {tree.leaf_count} leaves "
         f"reaches the ball from {skill_text(attempts)}; the shipped one from "
         f"{skill_text(attempts_of(load_tree(shipped_trees() / f'{BEHAVIOR}.json')))}",
     )

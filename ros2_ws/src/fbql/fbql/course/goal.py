@@ -17,7 +17,7 @@ from fbql.replay.recomputation import recorded_trees
 
 RUN = "goals"
 SEEN_M_S = 0.001
-"""What the report shows of a speed [m/s]."""
+"""The resolution of speeds in the report [m/s]."""
 NEAR = 12
 """Half the width of the stretch of steps that a hint names."""
 
@@ -43,7 +43,7 @@ def check(answer: Sequence[str], work: Path) -> Verdict:
     if (behavior, leaf_id) not in [(output.name, output.leaf_id) for output in choices]:
         return Verdict(
             False,
-            f"it was {behavior}, but not by leaf {leaf_id}: in the report, in {where}, stop at the last step after which "
+            f"it was {behavior}, but not with leaf {leaf_id}: in the report, in {where}, stop at the last step after which "
             f'"ball rolls" gets larger, and read the leaf of {behavior} there',
         )
     output = next(each for each in choices if (each.name, each.leaf_id) == (behavior, leaf_id))

@@ -1,4 +1,4 @@
-"""Lesson 3: a tree that is read, and changed in one leaf."""
+"""Lesson 3: reading a tree, and changing one leaf of it."""
 
 from __future__ import annotations
 

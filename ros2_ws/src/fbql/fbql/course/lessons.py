@@ -19,7 +19,7 @@ CHECKS = {1: "goal", 2: "driving", 3: "leaf", 4: "ties", 5: "comparison", 6: "ow
 
 
 def text_of(number: int | None) -> str:
-    """The text of a lesson; without a number that of the course. Raises BadInput."""
+    """The text of a lesson; without a number, that of the course. Raises BadInput."""
     root = source_tree()
     if root is None:
         raise BadInput("the texts of the lessons are in docs/course of a clone of the project; --check works here too")
@@ -37,7 +37,7 @@ def check(number: int, answer: Sequence[object] = (), work: Path | str | None = 
 
     Args:
         answer: the words of the answer.
-        work: the directory in which the lesson's commands wrote; WORK unless given.
+        work: the directory that the lesson's commands wrote to; WORK unless given.
 
     Raises:
         BadInput: an unknown lesson, an answer of another form, or files that can't be used.

@@ -1,4 +1,4 @@
-"""Lesson 6: a controller or a behavior of one's own: it plays, plays the same again, and is worth something."""
+"""Lesson 6: the student's own controller or behavior: it plays, plays the same again, and is worth something."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from fbql.course.verdict import Verdict, words_of
 
 MATCH: Mapping[str, Any] = {"episodes": 10, "max_steps": 1500, "seed": 6}
 LESSONS: Mapping[str, Any] = {"episodes": 30, "max_steps": 1500, "seed": 5}
-"""What a learner learns in, after its guided episodes."""
+"""The match that a learner trains in, after its guided episodes."""
 PATTERNS = 400
 LEAST_SHARE = 0.01
-"""Of the steps in which a behavior of one's own must drive."""
+"""Of the steps; the student's behavior must drive in at least this share."""
 
 
 def check(answer: Sequence[str], work: Path) -> Verdict:
@@ -38,7 +38,7 @@ def check(answer: Sequence[str], work: Path) -> Verdict:
 
 
 def _check_controller(source: str) -> Verdict:
-    """It scores more than equal weights do from the same starts, and the same again with the same seed."""
+    """It scores more than equal weights do from the same starts, and plays the same again with the same seed."""
     ours, again = (_played(source) for _ in range(2))
     if ours["digest"] != again["digest"]:
         return Verdict(False, _not_the_same("the controller"))
@@ -65,10 +65,10 @@ def _played(source: str) -> Mapping[str, Any]:
 
 
 def _check_behavior(source: str) -> Verdict:
-    """Its tree is more than one command, it drives now and then, and the same again with the same seed."""
+    """Its tree is more than one command, it drives now and then, and it plays the same again with the same seed."""
     behavior, observation, _ = load_observation(source)
     if behavior in SessionParameters().behaviors:
-        raise BadInput(f"{source}: '{behavior}' is a behavior of the project; give yours a name of its own")
+        raise BadInput(f"{source}: '{behavior}' is a behavior of the project; give yours another name")
     if observation.instructor is None:
         raise BadInput(
             f"{source}: '{behavior}' has no instructor; the check makes its tree from the instructor's demonstrations"

@@ -24,7 +24,7 @@ _MOST_BYTES = 2**20
 
 
 class Table(NamedTuple):
-    """What `fbql_literal` learned, in numbers."""
+    """What `fbql_literal` has learned, in numbers."""
 
     states: int
     """Joint states that it learned about."""

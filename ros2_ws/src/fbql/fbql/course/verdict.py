@@ -1,4 +1,4 @@
-"""What a check finds, and what every check needs."""
+"""The result of a check, and helpers of all checks."""
 
 from __future__ import annotations
 
@@ -56,5 +56,7 @@ def leaf_of(word: str) -> int:
 def made(path: Path) -> Path:
     """A path that the lesson's commands make. Raises BadInput where it is not there yet."""
     if not path.exists():
-        raise BadInput(f"{path}: not there yet; a command of the lesson makes it (or name another place by --work DIR)")
+        raise BadInput(
+            f"{path}: not there yet; a command of the lesson makes it (or name another place with --work DIR)"
+        )
     return path

@@ -1,1 +1,1 @@
-"""Demonstrations: who gives them, how they are recorded, replayed and merged, and the trees made of them."""
+"""Demonstrations: who gives them, how they are recorded, replayed and merged, and the trees made from them."""

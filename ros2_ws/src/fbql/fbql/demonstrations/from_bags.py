@@ -1,4 +1,4 @@
-"""A tree of any robot from bags: what to induce it from, and how."""
+"""A tree for any robot from bags: what to induce it from, and how."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from fbql_common.core.errors import BadInput
 from fbql.demonstrations.make_tree import InductionRequest, request_of
 
 FINEST_HALVINGS = 6
-"""Halvings of a feature's range, where there are few features: regions of a 64th, as for the shipped trees."""
+"""Halvings of a feature's range if there are few features: regions of a 64th, as for the shipped trees."""
 MOST_FEATURES = 10
-"""Observations of a tree: already the halves of each of more make a table that takes minutes."""
+"""The most observations of a tree: with more, even one halving of each makes a table that takes minutes."""
 MOST_BOXES = 200_000
 """Boxes up to which an induction takes about a second."""
 _NAME = re.compile(r"[A-Za-z][\w-]{0,99}\Z", re.ASCII)
 
 
 class BagData(NamedTuple):
-    """What a tree is induced from."""
+    """The data that a tree is induced from."""
 
     read: BagPatterns
     recipe: dict[str, Any]
@@ -70,7 +70,7 @@ def bag_request(name: str, features: int, rows: int = 1, **given: Any) -> Induct
 
 
 def halvings_for(features: int, rows: int) -> int:
-    """How often the range of each of so many features can be halved, for a table of boxes that is not too large; 1 at least."""
+    """How often the range of each of this many features can be halved without making the table of boxes too large; at least 1."""
     for halvings in range(FINEST_HALVINGS, 1, -1):
         small = (halvings + 1) ** features <= MAX_GRIDS and features * halvings <= MAX_HALVINGS
         if small and most_boxes(features, halvings, rows) <= MOST_BOXES:
@@ -79,7 +79,7 @@ def halvings_for(features: int, rows: int) -> int:
 
 
 def most_boxes(features: int, halvings: int, rows: int) -> int:
-    """The most boxes that so many patterns can fill: of each grid no more than it has cells, nor than there are patterns."""
+    """The most boxes that this many patterns can fill: in each grid no more than its cells, and no more than the patterns."""
     grids = [1]  # by the halvings of all features together, how many grids there are
     for _ in range(features):
         longer = [0] * (len(grids) + halvings)

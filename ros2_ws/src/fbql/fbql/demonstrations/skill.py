@@ -1,4 +1,4 @@
-"""How well a tree plays: the same starts driven by it, by the scripted instructor, and by the tree that ships."""
+"""How well a tree plays: the same starts driven by it, by the scripted instructor, and by the shipped tree."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from fbql.statistics.tables import finite
 
 STARTS = 50
 SEED = 1
-TREE, INSTRUCTOR, SHIPPED = "this tree", "the scripted instructor", "the tree that ships"
+TREE, INSTRUCTOR, SHIPPED = "this tree", "the scripted instructor", "the shipped tree"
 
 
 @dataclass(frozen=True)
 class Skill:
-    """How one driver does."""
+    """How well one driver does."""
 
     driver: str
     cost: Interval
@@ -55,7 +55,7 @@ class Skill:
 
 @dataclass(frozen=True)
 class SkillReport:
-    """A tree beside others, and what it was not shown."""
+    """A tree beside other drivers, and what it was not taught."""
 
     measure: str
     starts: int

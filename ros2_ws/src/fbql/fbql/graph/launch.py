@@ -20,7 +20,7 @@ LOCKSTEP_TIMEOUT_S = 10.0
 """How long a step may take in a supervised graph before the run ends with the name of the node that is missing [s]."""
 _START_GRACE_S = 5.0
 PACED_COMMAND = "watch/wheel_command"
-"""Where the simulator of a paced match hears its commands, which somebody passes on when they are due."""
+"""The topic on which the simulator of a paced match receives its commands, which are passed on when they are due."""
 
 
 class Mode(NamedTuple):

@@ -40,9 +40,9 @@ _STALLED_S = 30.0
 _LAST_COUNT_S = 0.3
 """The simulator publishes its counts again within this time [s]."""
 _LAST_MOMENT_S = 1.5
-"""How long somebody who watches sees how the match ended [s]."""
+"""How long the end of a watched match stays on the screen [s]."""
 _SHARED_MEMORY_ERROR = b"RTPS_TRANSPORT_SHM"
-"""What Fast DDS names itself in an error about shared memory."""
+"""How Fast DDS names itself in an error about shared memory."""
 
 
 class Watch(Protocol):
@@ -64,10 +64,10 @@ class Watch(Protocol):
         ...
 
     def attach(self, observer: Observer, behaviors: Sequence[str]) -> None:
-        """From now on hears the match."""
+        """Subscribes to the match."""
 
     def on_screen(self, log: Path) -> AbstractContextManager[None]:
-        """A context in which the match is shown; `log` takes what would be printed into it."""
+        """A context in which the match is shown; `log` receives what would otherwise be printed into it."""
         ...
 
     def look(self, observer: Observer, duration_s: float) -> None:
@@ -151,7 +151,7 @@ class Supervision:
             self.domain_id = domain_id
             launch.write_domain(match, export_text(domain_id))
             self._line.say(
-                f"bringing up {len(names)} nodes, {how}; to look on from a second shell: {export_text(domain_id)}"
+                f"bringing up {len(names)} nodes, {how}; to see it from a second shell: {export_text(domain_id)}"
             )
             failure: GraphFailed | None = None
             try:
@@ -181,12 +181,12 @@ class Supervision:
         return FAILED if failure is not None or killed else completeness
 
     def _report_shared_memory(self) -> None:
-        """What a node's middleware prints in its log about shared memory, for the user: in one line."""
+        """Sums up, in one line for the user, what the nodes' middleware logged about shared memory."""
         troubled = [process.name for process in self._started if _SHARED_MEMORY_ERROR in process.log_file.read_bytes()]
         if troubled:
             self._line.complain(
                 f"shared memory failed in {', '.join(troubled)}, whose messages went over UDP; see {self._started[0].log_file.parent}; "
-                "to mend it, when no ROS program runs: rm -f /dev/shm/fastrtps_* /dev/shm/sem.fastrtps_*"
+                "to repair it, when no ROS program runs: rm -f /dev/shm/fastrtps_* /dev/shm/sem.fastrtps_*"
             )
 
     def _start(self, commands: Mapping[str, Sequence[str]], match: Match, environment: dict[str, str]) -> None:

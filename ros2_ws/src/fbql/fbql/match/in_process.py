@@ -31,7 +31,7 @@ StepObserver = Callable[[World, Sequence[BehaviorOutput], WheelCommand, Decision
 
 
 class Parts(NamedTuple):
-    """What plays a match."""
+    """The objects that play a match."""
 
     session: SoccerSession
     loop: WorldLoop

@@ -94,7 +94,7 @@ def match_parser(program: str, description: str) -> Parser:
 
 
 def add_play_options(play: argparse._ArgumentGroup) -> None:
-    """Adds what every way of playing has beside the controller, the seed and --set."""
+    """Adds the options that every way of playing has in addition to the controller, the seed and --set."""
     play.add_argument("--preset", choices=tuple(PRESETS), help="thresholds of Subsumption (tuned)")
     play.add_argument("--episodes", type=int, metavar="N", help="end after N episodes, guided ones not counted")
     play.add_argument("--goals", type=int, metavar="N", help=f"end after N goals (without --episodes: {DEFAULT_GOALS})")
@@ -226,7 +226,7 @@ def _own_names(declaration: type[FusionParameters]) -> list[str]:
 
 
 def _notes_on_the_start(fusion: FusionParameters, fits: bool, asked: bool) -> Iterator[str]:
-    """What may be unexpected of a start without a policy."""
+    """Notes on what a user may not expect when a match starts without a policy."""
     if not learns(fusion):
         return
     if fusion.controller == "fbql" and not (fits or asked):

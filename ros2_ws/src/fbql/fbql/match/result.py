@@ -21,7 +21,7 @@ class Asked(NamedTuple):
     goals: int = 0
 
     def shortfall(self, episodes: int, goals: int) -> str:
-        """How much of it these are, such as `9 of 40 episodes`; empty if they are all."""
+        """How much of it was played, such as `9 of 40 episodes`; empty if all of it was."""
         if 0 < self.episodes <= episodes or 0 < self.goals <= goals:
             return ""
         parts = [f"{episodes} of {counted(self.episodes, 'episode')}"] if self.episodes else []

@@ -1,4 +1,4 @@
-"""The trees of a match, as a controller needs them that imagines how they would drive."""
+"""The trees of a match, in the form that a controller needs to imagine how they would drive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The colours of the report's page, for pictures that are no pages: the same, from the same place."""
+"""The colors of the report's page, for pictures outside it, read from the same file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 SIGNS = "●■▲◆★✚"
-"""What stands beside each behavior's colour, as in the report: never a colour alone."""
+"""The sign beside each behavior's color, as in the report: never a color alone."""
 _STYLE = Path(__file__).parents[1] / "report" / "assets" / "page.css"
 
 

@@ -30,7 +30,7 @@ MARGIN_M = 0.2
 LEGEND_M = 0.22
 FRAMES_PER_S = 12.0
 SIGNED_STEPS = 15
-"""A stretch of so many steps has the sign of the behavior that drove."""
+"""A stretch of at least this many steps carries the sign of the behavior that drove."""
 HELD_S = 1.2
 """How long the end of an episode is shown [s]."""
 
@@ -209,7 +209,7 @@ def _robot_trail(part: Part, whole_s: float) -> Iterator[str]:
 
 
 def _sign(driver: int, at_m: tuple[float, float], from_time: float, whole_s: float) -> str:
-    """A behavior's sign on its trail, once it is drawn: a colour alone does not tell everybody."""
+    """A behavior's sign on its trail, once it is drawn: not everybody can tell colors apart."""
     x, y = _point(*at_m)
     # Not its visibility: that of a part is shown even where the whole is hidden.
     shown = _animated("opacity", ["0", "1"], [0.0, from_time], whole_s, "discrete")

@@ -1,4 +1,4 @@
-"""What a recomputed run is compared by: fields of messages, bit by bit."""
+"""How a recomputed run is compared with the recorded one: by the fields of messages, bit by bit."""
 
 from __future__ import annotations
 

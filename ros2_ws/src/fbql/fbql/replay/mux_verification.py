@@ -1,7 +1,7 @@
-"""`replay RUN --verify` of a mux that learned or played a policy: every decision is made again on its recorded snapshot.
+"""`replay RUN --verify` of a mux that learned or played a policy: every decision is recomputed from its recorded snapshot.
 
-A decision holds all that it was made on: the observations, the sources' last commands, which of them could drive, the reward. So
-the decisions alone are enough. The commands that went out are recorded for people.
+A decision holds everything that it was based on: the observations, the sources' last commands, which of them could drive, the
+reward. So the decisions alone are enough. The commands that went out are recorded for people.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def verify_mux(run: Run, progress: Callable[[int], None]) -> Verification:
             difference = Difference(steps, *due, at, "the schedule", f"episode {due[0]}", "the run had ended before it")
             break
         if [len(part) for part in (recorded.active, recorded.ages_s, recorded.commands, recorded.observed)] != lengths:
-            raise BadInput(f"{run.path}: its decisions are not on the sources and observations of its config.yaml")
+            raise BadInput(f"{run.path}: its decisions do not match the sources and observations in its config.yaml")
         command, decision = session.decide(snapshot.moment(robot.lengths), snapshot.answers(leaves))
         differs = compared(codec, snapshot.decided(decision, command), message.data)
         if differs is not None:

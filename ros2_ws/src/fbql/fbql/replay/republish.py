@@ -104,7 +104,7 @@ def _keyboard(wanted: bool) -> Generator[RawTerminal | None]:
 
 @contextmanager
 def _view(run: Run, way: str, domain_id: int) -> Generator[View]:
-    """What shows the match; on a terminal, what is printed meanwhile is printed afterwards."""
+    """The view that shows the match; on a terminal, whatever is printed meanwhile appears afterwards."""
     name = run.path.resolve().name
     if way == "terminal":
         from fbql.watch.terminal import MatchScreen
@@ -145,9 +145,7 @@ class _Window:
             raise BadInput(f"{run.path}: it has no messages; there is nothing to replay")
         self.start_ns = run.start_ns + round(arguments.start * NS)
         self.end_ns = min(run.end_ns, _LAST_NS) + 1
-        late = (
-            f"{run.path}: it has messages with a log time of more than {_LAST_NS / NS:.0f} s, which no ROS clock shows"
-        )
+        late = f"{run.path}: it has messages with a log time of more than {_LAST_NS / NS:.0f} s, which a ROS clock cannot show"
         if run.start_ns > _LAST_NS:
             raise BadInput(f"{late}, and no others")
         if run.end_ns > _LAST_NS:
@@ -374,7 +372,7 @@ class _Replay:
         self._wall_s = monotonic() - begun_s
 
     def report(self) -> dict[str, float]:
-        """Says how it went. Returns the figures for --json."""
+        """Reports how it went. Returns the figures for --json."""
         wall_s = self._wall_s
         late = self._stage.settle()
         self._line.close()
@@ -401,7 +399,7 @@ class _Replay:
         return self._run.messages(self._stage.names, self._window.start_ns, self._window.end_ns)
 
     def _follow(self, message: Message, screen: View) -> None:
-        """Shows a message. Whoever skips to the next episode has arrived with its first world state."""
+        """Shows a message. A skip to the next episode ends with its first world state."""
         before = screen.moments.world
         screen.hear(message.topic, message.data)
         world = screen.moments.world

@@ -72,7 +72,7 @@ class Induction:
     tried: Mapping[int, float]
     """Held-out error [levels] by number of leaves; empty where no size was chosen."""
     notes: Sequence[str] = ()
-    """What else is to be said of the data, a line each."""
+    """Further remarks on the data, a line each."""
     skill: SkillReport | None = None
     """How well the tree plays, where that was measured."""
 
@@ -80,7 +80,7 @@ class Induction:
 def induction_page(induction: Induction) -> str:
     """The page."""
     tree = induction.tree
-    title = f"{tree.behavior}: a decision tree of {counted(tree.leaf_count, 'leaf', 'leaves')}"
+    title = f"{tree.behavior}: a decision tree with {counted(tree.leaf_count, 'leaf', 'leaves')}"
     text = tree_to_bytes(tree).decode()
     body = "\n".join(
         (
@@ -88,7 +88,7 @@ def induction_page(induction: Induction) -> str:
             f'<p class="quiet">Tree <code>{tree.hash}</code></p>',
             _tiles(induction),
             "<h2>The tree</h2>",
-            "<p>Each rectangle is a leaf, in the colour of what the robot does there; the dots are the patterns. "
+            "<p>Each rectangle is a leaf, in the color of what the robot does there; the dots are the patterns. "
             "Hover over a leaf to read its rule.</p>",
             partition_svg(tree, induction.patterns.x),
             *_skill(induction.skill),
@@ -129,7 +129,7 @@ def _tiles(induction: Induction) -> str:
 
 
 def _skill(skill: SkillReport | None) -> Iterator[str]:
-    """How well it plays, and what to show more of."""
+    """How well it plays, and what more to demonstrate."""
     if skill is None:
         return
     yield f"<h2>Skill</h2>\n<p>Each drove from the same {counted(skill.starts, 'start')}; lower is better.</p>"
@@ -154,7 +154,7 @@ def _skill(skill: SkillReport | None) -> Iterator[str]:
     yield _table(heads, rows, numbers=range(1, len(heads)))
     gaps = skill.coverage.gaps()
     if gaps:
-        yield "<p>Show more of this, in which it drove and which was never shown:</p>"
+        yield "<p>Demonstrate more of this, where it drove but nothing was demonstrated:</p>"
         yield _table(("where", "share of its driving"), ((gap.where, percent(gap.share)) for gap in gaps), numbers=(1,))
     yield coverage_svg(skill.coverage)
 

@@ -1,4 +1,4 @@
-"""`ros2 topic`, `node` and `param` where no real ros2 is installed: what a second shell needs to look at a graph.
+"""`ros2 topic`, `node` and `param` where no real ros2 is installed, for looking at a graph from a second shell.
 
 Options, output and exit codes are those of ros2cli, as far as they go. There is no daemon: each command joins the graph and
 looks for what it needs.

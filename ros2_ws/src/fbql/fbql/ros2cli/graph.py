@@ -26,7 +26,7 @@ _LOOK_S = 0.05
 
 
 class Absent(Exception):
-    """What was asked for is not there; the text is what ros2 prints then."""
+    """Something that was asked for is not there; the text is what ros2 prints in that case."""
 
 
 def add_graph_options(parser: argparse.ArgumentParser) -> None:
@@ -62,7 +62,7 @@ def show(text: object) -> None:
 
 
 def until(node: Node, condition: Callable[[], object], patience_s: float) -> bool:
-    """Waits until something is so, at most this long [s]. Returns whether it is."""
+    """Waits until a condition holds, at most this long [s]. Returns whether it does."""
     deadline = monotonic() + patience_s
     while not condition():
         if monotonic() > deadline:
@@ -72,7 +72,7 @@ def until(node: Node, condition: Callable[[], object], patience_s: float) -> boo
 
 
 def settle(node: Node, seen: Callable[[], Any], patience_s: float) -> None:
-    """Waits until what is seen of the graph is not nothing and has stopped changing, at most this long [s]."""
+    """Waits until something of the graph is seen and has stopped changing, at most this long [s]."""
     deadline = monotonic() + patience_s
     last, changed_s = seen(), monotonic()
     while (now := monotonic()) < deadline and (not last or now - changed_s < _QUIET_S):

@@ -1,4 +1,4 @@
-"""A match in a browser, live or replayed: the page of the report, with steps that come while it is open."""
+"""A match in a browser, live or replayed: the page of the report, which receives the steps while it is open."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ ORDERS: Mapping[str, Key] = {
     "slower": Key.SLOWER,
     "next": Key.NEXT,
 }
-"""What a page asks for."""
+"""The requests of a page."""
 _PICTURE_S = 1 / 20
 _ALONE_S = 3.0
 """How long a paused match waits for a page after the last one was closed: as long as loading it again takes [s]."""
 _SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
-"""Variables that say that a browser can be opened here."""
+"""Environment variables that indicate that a browser can be opened here."""
 
 
 class BrowserPage:
@@ -49,7 +49,7 @@ class BrowserPage:
         recorded: which messages a step of the match has.
         trees: those that behaviors may answer with.
         title: what is watched.
-        headline: what it is, in a few words.
+        headline: the same in a few words.
         controllers: who decides.
         shown: the behavior that is demonstrated, where nobody decides.
         say: prints a line for people.
@@ -71,9 +71,9 @@ class BrowserPage:
         trees = list(trees)
         self.moments = Moments(trees)
         self.pace: Pace | None = None
-        """What the page shows and changes as the pace; None: the match's own."""
+        """The pace that the page shows and changes; None: the match's own."""
         self.message = ""
-        """Not shown: what it says is for a terminal."""
+        """Not shown: the note is for a terminal."""
         self._feed = Feed(recorded, trees)
         self._say = say
         self._pages: set[Connection] = set()
@@ -118,7 +118,7 @@ class BrowserPage:
         return monotonic() >= self._waits_until_s
 
     def keys(self, patience_s: float = 0.0) -> list[Key]:
-        """What was asked for since the last call; waits at most this long [s] for it."""
+        """The requests since the last call; waits at most this long [s] for one."""
         keys: list[Key] = []
         for page, words in self._server.said(patience_s):
             if words is None:
@@ -143,7 +143,7 @@ class BrowserPage:
         self._feed.take(step)
 
     def draw(self) -> None:
-        """Tells pages what is new, unless it did just now."""
+        """Sends pages what is new, unless it did so just now."""
         now_s = monotonic()
         if now_s - self._sent_s >= _PICTURE_S:
             self._sent_s = now_s

@@ -1,4 +1,4 @@
-"""What a live page is told: the steps of a match as they come, in the form in which a report holds them."""
+"""The data that a live page is sent: the steps of a match as they arrive, in the form in which a report holds them."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from fbql.watch.moments import TOPIC
 from fbql.watch.pace import RATES, Pace
 
 KEPT_STEPS = 100_000
-"""How far a page that is opened can look back: half an hour of play. One that stays open keeps up to twice as much."""
+"""How far back a newly opened page can look: half an hour of play. A page that stays open keeps up to twice as much."""
 _ARCHIVED = 1024
 """Steps of a block that is kept for pages that are opened later."""
 
 
 class Feed:
-    """The steps so far, and what of them a page has not been told yet.
+    """The steps so far, and those that pages have not been sent yet.
 
     Args:
         recorded: which messages a step has.
@@ -44,14 +44,14 @@ class Feed:
         """Of the world state that came last."""
         self._new: list[Step] = []
         self._first_changed = 0
-        """The episode from which on pages have not been told all."""
+        """The first episode that pages have not been sent completely."""
         self._recent: list[Step] = []
         """Steps that are in no archived block yet."""
         self._archive: deque[tuple[int, int, str]] = deque()
         self._archived = self._begin = 0
         self._told: dict[str, Any] = {}
         self._known: list[int] = []
-        """How many words of each kind pages have been told."""
+        """How many words of each kind pages have been sent."""
 
     def hear(self, topic: str, data: bytes) -> None:
         """Takes a message; those of other topics, and those that no node would act on, change nothing."""
@@ -88,22 +88,22 @@ class Feed:
                 self._begin += self._archive.popleft()[0]
 
     def settle(self) -> None:
-        """Takes the steps whose messages did not all come."""
+        """Takes the steps of which some messages did not arrive."""
         for step in self._join.rest():
             self._take_data(step)
 
     def data(self) -> dict[str, Any]:
-        """What the page itself holds before there is a step."""
+        """The contents of the page before the first step."""
         return {**page_data(PackedSteps(self.contents.recorded), []), "rates": RATES, "kept": 2 * KEPT_STEPS}
 
     def all(self, pace: Pace | None) -> str:
-        """What a page is told that has just been opened: all that is kept. To be called after `news` or `skip`."""
+        """The data for a page that has just been opened: everything that is kept. Call it after `news` or `skip`."""
         blocks = [*self._archive, *([self.contents.packed(self._recent)] if self._recent else [])]
         first = next((k for k, each in enumerate(self.contents.episodes) if self._end(each) > self._begin), 0)
         return json.dumps({"begin": self._begin, **self._state(pace), **self._words(), **self._steps(blocks, first)})
 
     def news(self, pace: Pace | None) -> str:
-        """What pages have not been told yet; empty if that is nothing."""
+        """The data that pages have not been sent yet; empty if there is none."""
         state = self._state(pace)
         told = {name: value for name, value in state.items() if self._told.get(name, ()) != value}
         self._told = state
@@ -121,7 +121,7 @@ class Feed:
         return json.dumps(told) if told else ""
 
     def skip(self) -> None:
-        """Counts everything as told: there is no page."""
+        """Counts everything as sent: there is no page."""
         self._new.clear()
         self._first_changed = max(len(self.contents.episodes) - 1, 0)
         self._told, self._known = {}, []

@@ -1,9 +1,9 @@
-"""A graph that plays is watched: its latest moment is shown, and in lockstep the pace of the match is set.
+"""Watching a graph that plays: shows its latest moment and, in lockstep, sets the pace of the match.
 
-In lockstep the simulator steps when a command comes, so whoever holds commands back sets the pace: the simulator hears
-`watch/wheel_command` instead of `wheel_command`, and this passes on what fusion published, byte for byte, when it is due.
-Commands, their order and the worlds that follow are those of the match without it, since a lockstep match does not depend
-on when a message comes. In real time the simulator keeps its own clock: it is watched, and nothing is held back.
+In lockstep the simulator steps when a command arrives, so whoever holds commands back sets the pace: the simulator subscribes
+to `watch/wheel_command` instead of `wheel_command`, and this passes on each command of fusion, byte for byte, when it is due.
+Commands, their order and the worlds that follow are those of the unwatched match, since a lockstep match does not depend on
+when messages arrive. In real time the simulator keeps its own clock: it is only watched, and nothing is held back.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ class LiveWatch:
         self._waits = False
         """Whether that command is held back."""
         self._after_end: dict[str, bytes] | None = None
-        """What comes while the end of an episode is shown, by topic."""
+        """Messages that arrive while the end of an episode is shown, by topic."""
         self.is_on = False
         """Whether it is shown."""
         self._left = False
-        """Whether the person has enough of it."""
+        """Whether the person has stopped watching."""
         self._closing = ExitStack()
 
     @property
@@ -71,7 +71,7 @@ class LiveWatch:
         return self._waits
 
     def attach(self, observer: Observer, behaviors: Sequence[str]) -> None:
-        """From now on hears the match; in lockstep the match then waits for `look`."""
+        """Subscribes to the match; in lockstep the match then waits for `look`."""
         self._screen.message = f"ROS_DOMAIN_ID={observer.domain_id}; Ctrl-C ends the match"
         if self._sets_pace:
             self._publisher = observer.node.create_publisher(MESSAGES[WheelCommand], PACED_COMMAND, STEP_QOS)
@@ -81,10 +81,10 @@ class LiveWatch:
 
     @contextmanager
     def on_screen(self, log: Path) -> Generator[None]:
-        """A context in which the match is shown, until the person has enough of it.
+        """A context in which the match is shown, until the person stops watching.
 
         Args:
-            log: takes what would be printed into the picture.
+            log: receives what would otherwise be printed into the picture.
         """
         with self._closing:
             self._closing.enter_context(output_aside(log) if self._takes_terminal else nullcontext())
@@ -135,7 +135,7 @@ class LiveWatch:
             self._pace.linger(END_S)
 
     def _hold(self, data: bytes) -> None:
-        """Takes a command: the first for a world state is the one that counts; it is sent again when it comes again."""
+        """Takes a command: the first for a world state is the one that counts; it is sent again when it arrives again."""
         try:
             command = decode_command(data)
         except Rejected:
@@ -159,7 +159,7 @@ class LiveWatch:
                 self._begin_episode()
 
     def _begin_episode(self) -> None:
-        """Shows what came while the end of the last episode was shown."""
+        """Shows what arrived while the end of the last episode was shown."""
         kept, self._after_end = self._after_end, None
         for topic, data in (kept or {}).items():
             self._screen.hear(topic, data)

@@ -1,4 +1,4 @@
-"""What is beside and below the field while a match is watched."""
+"""The text beside and below the field while a match is watched."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def match_page(
     """The lines of a screen of `columns` x `rows` characters that shows a moment.
 
     Args:
-        pace: what the keys change; None where the match has a clock of its own.
+        pace: the pace that the keys change; None where the match keeps its own time.
         message: the last line, behind how the last episode ended.
     """
     sentence = textwrap.wrap(why(moments), columns - 1, max_lines=SENTENCE_ROWS, placeholder=" ...")

@@ -1,4 +1,4 @@
-"""From the messages of a match to the moment that is shown: what is where, who drives and why, the score so far."""
+"""From the messages of a match to the moment that is shown: where everything is, who drives and why, the score so far."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fbql_common.wire import NS, Rejected, decode_command, decode_decision, deco
 from fbql.watch.picture import TRAIL_EVERY, TRAIL_POINTS, Trail
 
 TOPIC = re.compile(rf"(?:^|/)({WORLD}|{DECISION}|{WHEEL_COMMAND}|behaviors/[^/]+)\Z")
-"""The topics of a step, in whatever namespace; its group is the name within it."""
+"""The topics of a step, in any namespace; the group is the name within the namespace."""
 
 
 @dataclass

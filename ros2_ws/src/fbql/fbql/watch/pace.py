@@ -15,7 +15,7 @@ RATES = (*(2.0**power for power in range(-4, 7)), 0.0)
 """What slower and faster lead through, beginning with real time; 0: as fast as possible."""
 _WAIT_S = 0.1
 _LATE_S = 0.1
-"""What is later than this is not made up for, where nothing should rush [s]."""
+"""A delay of more than this is not made up for, where nothing should rush [s]."""
 _NS = 1_000_000_000
 
 
@@ -31,7 +31,7 @@ class Pace:
         now: a steady clock [s].
         keys: waits at most this long [s] for keys, and returns them as soon as there are any.
         show: called now and then while it waits.
-        catches_up: whether lost time is made up for, at the price that what was late comes in a rush.
+        catches_up: whether lost time is made up for, at the price of a burst of late messages.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Pace:
         self._last_ns: int | None = None
         """Time of the last message that came out."""
         self._next_ns: int | None = None
-        """Time of the message that waits, or was the last to."""
+        """Time of the message that is waiting, or was the last to wait."""
         self._steps = 0
         """Requested steps that are still to come."""
         self._looked_s = float("-inf")
@@ -77,7 +77,7 @@ class Pace:
         self._last_ns = self._next_ns = None
 
     def arrive(self) -> None:
-        """An episode begins: whoever hurried there has arrived."""
+        """An episode begins, which ends a rush to the next episode."""
         if self.hurries and self._next_ns is not None:
             self._due_now(self._next_ns)
         self.hurries = False

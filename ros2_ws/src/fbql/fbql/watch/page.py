@@ -30,7 +30,7 @@ def page(
     """The lines of a screen of `columns` x `rows` characters, none of them longer; `world` is None before the first.
 
     Args:
-        side: what is beside the picture.
+        side: the lines beside the picture.
         message: the last line.
         below: the lines between the picture and the message.
         trail: where robot and ball have been.

@@ -3,7 +3,7 @@ have been.
 
 In Unicode each character is a braille pattern of 2 x 4 dots: at 80 x 24 characters a dot is 2.5 cm, so that the robot is a
 small square, the ball a speck, and contact can be seen. In ASCII each character is one thing. Everything differs in shape;
-colour only helps.
+color only helps.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ TRAIL_EVERY = 4
 TRAIL_POINTS = 60
 """Length of a trail: 4 s."""
 NOSE_M = 0.15
-"""How far the line ahead of the robot reaches from its centre [m]."""
+"""How far the line ahead of the robot reaches from its center [m]."""
 
 
 class Trail(NamedTuple):
@@ -104,7 +104,7 @@ class _Canvas:
             self.dot(x0_m + share * (x1_m - x0_m), y0_m + share * (y1_m - y0_m), thing)
 
     def _fill(self, x_m: float, y_m: float, reach_m: float, yaw_rad: float, thing: int, inside: _Inside) -> None:
-        """All dots of a body, the one at its centre in any case, which is all that ASCII shows."""
+        """All dots of a body; always the one at its center, which is all that ASCII shows."""
         self.dot(x_m, y_m, thing)
         if self._ascii:
             return
@@ -133,7 +133,7 @@ class _Canvas:
             self._things[row][column] = max(self._things[row][column], thing)
 
     def lines(self) -> list[Line]:
-        """The picture, neighbours of one style in one span."""
+        """The picture, with neighbors of one style in one span."""
         made: list[Line] = []
         for marks, things in zip(self._marks, self._things, strict=True):
             line: Line = []

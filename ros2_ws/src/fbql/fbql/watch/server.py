@@ -1,7 +1,8 @@
 """A page and a connection to it, served to this machine only, in a thread of its own.
 
-Only `127.0.0.1` is listened on. A page from elsewhere can't reach the match through a person's browser: whoever asks must
-name this machine as the host (or a name that was made to point here would do), and connect from the page served here.
+It listens on `127.0.0.1` only. A page from elsewhere can't reach the match through a person's browser: a request must name
+this machine as the host (otherwise, any name that resolves to it would do), and a connection must come from the page served
+here.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ CONNECTION = "/live"
 _HERE = re.compile(r"(?:127\.0\.0\.1|localhost)(?::\d{1,5})?\Z")
 _LONGEST_ORDER = 64
 _BEHIND = 16 * 2**20
-"""A page that is so far behind is let go [bytes]; opened again it gets everything anew."""
+"""A page that is this far behind is disconnected [bytes]; when it is opened again, it gets everything anew."""
 _PATIENCE_S = 5.0
 
 Connection = Any
@@ -30,7 +31,7 @@ Connection = Any
 
 
 class PageServer:
-    """Serves a page, and passes on what is said in both directions.
+    """Serves a page, and passes messages on in both directions.
 
     Args:
         page: the page for a host as the browser names it.
@@ -58,7 +59,7 @@ class PageServer:
         if isinstance(port, OSError):
             raise BadInput(f"--watch browser: nothing can be served on {HOST} ({port.strerror})")
         self.address = f"http://{HOST}:{port}/"
-        """What to open."""
+        """The address to open."""
 
     def send(self, to: Collection[Connection], text: str) -> None:
         """Sends a text to pages; returns at once."""
@@ -66,9 +67,9 @@ class PageServer:
             self._loop.call_soon_threadsafe(self._send, tuple(to), text)
 
     def said(self, patience_s: float = 0.0) -> Iterator[tuple[Connection, str | None]]:
-        """What pages have said; waits at most this long [s] for the first.
+        """The messages of pages; waits at most this long [s] for the first.
 
-        A page that has just been opened says "", one that was closed None.
+        "" means that a page has just been opened, None that one was closed.
         """
         try:
             yield self._said.get(timeout=patience_s) if patience_s > 0.0 else self._said.get_nowait()
@@ -78,7 +79,7 @@ class PageServer:
             return
 
     def close(self) -> None:
-        """Tells every page that this was all, once it has everything that was sent."""
+        """Tells every page that the match has ended, once it has received everything."""
         self._loop.call_soon_threadsafe(self._ended.set)
         self._thread.join(_PATIENCE_S)
 
@@ -118,10 +119,10 @@ class PageServer:
         self._library.broadcast(to, text)
 
     def _answer(self, connection: Connection, request: Any) -> Any:
-        """What is answered to a request; None where it may connect."""
+        """The answer to a request; None if it may connect."""
         host = request.headers.get("Host", "")
         if not _HERE.match(host):
-            return connection.respond(403, "This page is for the machine that it is served on.\n")
+            return connection.respond(403, "This page is only for the machine that serves it.\n")
         if request.path == CONNECTION:
             foreign = request.headers.get("Origin", f"http://{host}") != f"http://{host}"
             return connection.respond(403, "Only the page that is served here may connect.\n") if foreign else None

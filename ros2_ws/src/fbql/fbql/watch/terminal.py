@@ -31,7 +31,7 @@ class MatchScreen:
         self._screen = Screen(characters=WATCHING_KEYS)
         self.moments = Moments(trees)
         self.pace: Pace | None = None
-        """What the screen shows as the pace; None: the match's own."""
+        """The pace that the screen shows; None: the match's own."""
         self.message = message
         self._drawn_s = float("-inf")
 

@@ -1,4 +1,4 @@
-"""What shows a match: a terminal or a page."""
+"""The interface of whatever shows a match: a terminal or a page."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class View(AbstractContextManager["View"], Protocol):
 
     moments: Moments
     pace: Pace | None
-    """What is shown as the pace; None: the match's own."""
+    """The pace that is shown; None: the match's own."""
     message: str
-    """What else there is to say, where there is room."""
+    """A further note, shown where there is room."""
 
     @property
     def gone(self) -> bool:
@@ -37,7 +37,7 @@ class View(AbstractContextManager["View"], Protocol):
         """Takes a message of the match."""
 
     def keys(self, patience_s: float = 0.0) -> list[Key]:
-        """What was asked for since the last call; waits at most this long [s] for it."""
+        """The requests since the last call; waits at most this long [s] for one."""
         ...
 
     def draw(self) -> None:

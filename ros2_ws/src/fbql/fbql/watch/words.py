@@ -1,4 +1,4 @@
-"""Why the command of a moment is what it is, in a sentence: what the report's page says, short enough to read in play."""
+"""A sentence that explains the command of a moment, as the report's page does, but short enough to read during play."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class Event(NamedTuple):
     """When it was recorded."""
     topic: str
     numbers: tuple[float, ...]
-    """What `Senses.read` gave, or for the command's topic the command."""
+    """The values that `Senses.read` returned; for the command's topic, the command."""
 
 
 class BagPatterns(NamedTuple):

@@ -1,4 +1,4 @@
-"""What a tree of any robot senses and commands: the specification `behavior.yaml`, and the recipe in its tree file.
+"""What a tree for any robot senses and commands: the specification `behavior.yaml`, and the recipe in its tree file.
 
     max_age_s: 0.3
     observations:
@@ -50,7 +50,7 @@ class Reading(NamedTuple):
     max_age_s: float
     """Oldest message that is used [s]; 0: any."""
     inf_as: float | None = None
-    """What +Inf counts as."""
+    """The value that +Inf counts as."""
 
 
 class Target(NamedTuple):
@@ -200,7 +200,7 @@ def _command(content: Any) -> tuple[str, list[Axis]]:
     for name, entry in _named(command.get("axes"), "command.axes"):
         where = f"command.axes.{name}"
         if name not in TWIST_FIELDS:
-            raise BadInput(f"{where}: no field of a Twist; it has {', '.join(TWIST_FIELDS)}")
+            raise BadInput(f"{where}: not a field of a Twist; it has {', '.join(TWIST_FIELDS)}")
         _mapping(entry, where, {"name", "low", "high", "levels", "unit"})
         low, high = _number(entry, "low", where), _number(entry, "high", where)
         levels = entry.get("levels", LEVELS)
@@ -222,7 +222,7 @@ def _named(content: Any, where: str) -> list[tuple[str, dict[str, Any]]]:
         raise BadInput(f"'{where}' is missing or empty; expected names with their entries (docs/bags.md)")
     for name, _ in given:
         if not name.isprintable() or not name.strip() or [each for each, _ in given].count(name) > 1:
-            raise BadInput(f"{where}: '{name}' is no name in one line, or is there twice")
+            raise BadInput(f"{where}: '{name}' is not a name in one line, or occurs twice")
     return [(name, _mapping(entry, f"{where}.{name}")) for name, entry in given]
 
 

@@ -1,4 +1,4 @@
-"""What demonstrations show of the root region, and what play needs: a grid of cells, each half of a half of a half."""
+"""Which parts of the root region were demonstrated, and which ones play needs: a grid of cells, each half of a half of a half."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Gap(NamedTuple):
 
 @dataclass(frozen=True)
 class Coverage:
-    """Which cells were shown, and which were driven in.
+    """Which cells were demonstrated, and which were driven in.
 
     shown, driven: int64 [CELLS] * d, the number of patterns and of moments in each cell.
     """

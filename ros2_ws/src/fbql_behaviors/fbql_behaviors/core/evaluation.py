@@ -1,6 +1,6 @@
 """How closely a tree imitates its instructor: the error of its wheel velocities, or other commands, on patterns.
 
-The class error says little here: with 841 classes a neighbouring class is a miss, and even the best trees miss three in
+The class error says little here: with 841 classes a neighboring class is a miss, and even the best trees miss three in
 four.
 """
 

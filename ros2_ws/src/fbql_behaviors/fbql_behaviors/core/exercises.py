@@ -27,7 +27,7 @@ from fbql_behaviors.core.tree import Tree
 
 FULL_SPEED_M_S = MAX_WHEEL_RAD_S * WHEEL_RADIUS_M
 TOUCH_M = hypot(ROBOT_SIDE_M / 2, ROBOT_SIDE_M / 2) + BALL_RADIUS_M
-"""Distance of the ball from the robot's centre at which the robot may touch it, whatever its heading [m]."""
+"""Distance of the ball from the robot's center at which the robot may touch it, whatever its heading [m]."""
 FACING_STEPS = 12.0
 """Reward of facing the ball better by a radian [steps]: turning by a radian takes about as long."""
 NEAR_WALL_M = 0.2
@@ -52,7 +52,7 @@ Command = tuple[float, float]
 
 
 class Environment(Protocol):
-    """A world to practise in, such as the simulator."""
+    """A world to practice in, such as the simulator."""
 
     def reset(self, seed: int) -> World:
         """Begins an episode; the seed decides the start and every disturbance."""
@@ -75,7 +75,7 @@ class Attempt(NamedTuple):
 
 @dataclass(frozen=True)
 class Exercise:
-    """What a behavior practises, and how its trees are compared."""
+    """What a behavior practices, and how its trees are compared."""
 
     reward: Callable[[World, World, float], float]
     """The reward of going from a world to the next one [steps], given the duration of a step [s]."""

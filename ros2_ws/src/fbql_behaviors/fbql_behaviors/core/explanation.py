@@ -30,11 +30,11 @@ SUBJECTS = {"approach_angle": "ball-to-goal line"}
 """The subject of an angle whose name does not contain it."""
 
 _MOST_DIGITS = 17
-"""Digits that tell any two floats apart."""
+"""Digits that distinguish any two floats."""
 
 
 class Motion(Enum):
-    """What a command does. Turning left is counter-clockwise, also when driving backwards."""
+    """The motion that a command causes. Turning left is counter-clockwise, also when driving backwards."""
 
     STAND = "standing still"
     FORWARDS = "forwards"
@@ -114,7 +114,7 @@ def axis_text(axis: Axis, value: float) -> str:
 
 
 def _what(space: CommandSpace, command: Command) -> tuple[Motion, str]:
-    """What a command does, and how fast."""
+    """The motion that a command causes, and how fast it is."""
     if space == WHEELS:
         return motion_of(*command), speed_of(*command)
     return twist_motion_of(space, command), _share_of_full(space, command)
@@ -157,7 +157,7 @@ def is_direction(feature: Feature) -> bool:
 
 
 def motion_of(left_rad_s: float, right_rad_s: float) -> Motion:
-    """What a pair of wheel velocities does.
+    """The motion that a pair of wheel velocities causes.
 
     On the spot: the wheels turn against each other, so the robot turns about a point between them. Straight: the turning
     part is at most a twentieth of the forward part, a circle of at least 70 cm radius.
@@ -183,7 +183,7 @@ def speed_of(left_rad_s: float, right_rad_s: float) -> str:
 
 
 def twist_motion_of(space: CommandSpace, command: Command) -> Motion:
-    """What velocities along x (forwards) and y (to the left) and about z (to the left) do.
+    """The motion that velocities along x (forwards) and y (to the left) and about z (to the left) cause.
 
     Less than half a level of an axis counts as none. Axes of other names are not looked at.
     """

@@ -54,7 +54,7 @@ TUNINGS = {"wall_avoiding": TuningParameters(episodes=400, discount=0.99)}
 
 
 def tuning_of(behavior: str) -> TuningParameters:
-    """The setting of a behavior; the default one if it has none of its own."""
+    """The setting of a behavior, or the default one if it has none."""
     return TUNINGS.get(behavior, TuningParameters())
 
 

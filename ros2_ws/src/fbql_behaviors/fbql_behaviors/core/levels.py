@@ -19,7 +19,7 @@ _SAME = 1e-6
 
 
 def step_of(axis: Axis) -> float:
-    """The distance between two neighbouring levels, in the axis's unit."""
+    """The distance between two neighboring levels, in the axis's unit."""
     return (axis.high - axis.low) / (axis.levels - 1)
 
 

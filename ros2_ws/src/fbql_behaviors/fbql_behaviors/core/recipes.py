@@ -25,7 +25,7 @@ class Recipe:
     steps: int = 60
     """Most steps of a demonstration; it also ends when its episode ends."""
     every: int = 6
-    """Steps from one pattern to the next: neighbouring steps are nearly the same."""
+    """Steps from one pattern to the next: neighboring steps are nearly the same."""
     patterns: int = 1000
     """Most patterns; the paper uses as many."""
 
@@ -38,5 +38,5 @@ RECIPES = {
 
 
 def recipe_of(behavior: str) -> Recipe:
-    """The recipe of a behavior; the default one if it has none of its own."""
+    """The recipe of a behavior, or the default one if it has none."""
     return RECIPES.get(behavior, Recipe())

@@ -212,7 +212,7 @@ def canonical(content: Any) -> str:
 
 
 def check_features(features: tuple[Feature, ...]) -> None:
-    """Raises BadInput unless the features have names of their own, and finite limits in order."""
+    """Raises BadInput unless the features have different names, and finite limits in order."""
     if not features:
         raise BadInput("a tree needs at least one feature")
     if len(features) > MAX_FEATURES:
@@ -252,10 +252,10 @@ def changed_leaf(tree: Tree, leaf_id: int, command: Command) -> Tree:
 
 
 def check_space(space: CommandSpace) -> None:
-    """Raises BadInput unless the axes have names of their own, finite limits in order, and 2 levels or more."""
+    """Raises BadInput unless the axes have different names, finite limits in order, and 2 levels or more."""
     names = [axis.name for axis in space.axes]
     if not 0 < len(names) <= MAX_AXES or len(set(names)) < len(names):
-        raise BadInput(f"a command needs 1 to {MAX_AXES} axes, each with a name of its own, not {', '.join(names)}")
+        raise BadInput(f"a command needs 1 to {MAX_AXES} axes, with different names, not {', '.join(names)}")
     for axis in space.axes:
         if not -MAX_FEATURE <= axis.low < axis.high <= MAX_FEATURE:
             raise BadInput(

@@ -1,4 +1,4 @@
-"""The colours of every picture. Left is blue, right is orange, forwards is green, backwards is dark."""
+"""The colors of every picture. Left is blue, right is orange, forwards is green, backwards is dark."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ COLOURS = {
     Motion.SIDEWAYS_LEFT: "#009e73",
     Motion.SIDEWAYS_RIGHT: "#cc79a7",
 }
-"""The colour of a motion."""
+"""The color of a motion."""
 OPACITY = {"slow": 0.45, "": 0.7, "fast": 1.0}
-"""The strength of the colour, by speed."""
+"""The strength of the color, by speed."""
 INK, FAINT, FRAME = "#222", "#777", "#444"
 CURVE, LEVEL = "#1f5fa8", "#d9541e"
 """A curve, and a level to compare it with."""

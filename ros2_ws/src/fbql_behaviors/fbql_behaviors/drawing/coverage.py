@@ -1,4 +1,4 @@
-"""A picture of what was shown of the root region, and what play needs."""
+"""A picture of which parts of the root region were demonstrated, and which ones play needs."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from fbql_behaviors.drawing.svg import Axis, document, frame, number, text
 WIDTH, HEIGHT, STRIP = 470.0, 400.0, 60.0
 LEFT, TOP, BELOW, LEGEND = 64.0, 34.0, 48.0, 250.0
 _LOOKS = {
-    SHOWN: ("#56b4e9", "shown"),
-    NEEDED: ("#d9541e", "driven in, and never shown: show more of it"),
+    SHOWN: ("#56b4e9", "demonstrated"),
+    NEEDED: ("#d9541e", "driven in, not demonstrated: missing"),
     ".": ("#eeeeee", "neither"),
 }
 
@@ -28,7 +28,7 @@ def coverage_svg(coverage: Coverage) -> str:
         else Axis("", 0, 1, TOP, TOP, ())
     )
     wide, high = WIDTH / CELLS, height / len(lines)
-    title = "What was shown, and what play needs"
+    title = "What was demonstrated, and what play needs"
     parts = [text(LEFT, 20, title, "start", 14)]
     for row, line in enumerate(lines):
         for column, mark in enumerate(line):

@@ -11,7 +11,7 @@ from fbql_behaviors.drawing.colours import COLOURS
 
 
 def to_dot(tree: Tree) -> str:
-    """The DOT graph of a tree: splits as questions, leaves in the colour of their motion."""
+    """The DOT graph of a tree: splits as questions, leaves in the color of their motion."""
     leaf_rules = rules(tree)
     lines = [
         f"digraph {_quoted(tree.behavior)} {{",

@@ -1,4 +1,4 @@
-"""The partition of a tree: each leaf's region in the colour of its motion, with the patterns on top (Fig. 3).
+"""The partition of a tree: each leaf's region in the color of its motion, with the patterns on top (Fig. 3).
 
 A tree of two features is drawn whole, one of a single feature as a strip. With more features, each pair gets a cut
 through the tree, at the middle of the root region along the others.
@@ -126,7 +126,7 @@ def _pointin_axis_unit(feature: Feature, value: float) -> float:
 
 
 def _legend(leaf_rules: Sequence[Rule], left: float, top: float) -> list[str]:
-    """The motions of the tree's leaves, with their colours."""
+    """The motions of the tree's leaves, with their colors."""
     used = {rule.motion for rule in leaf_rules}
     parts: list[str] = []
     for row, motion in enumerate(motion for motion in Motion if motion in used):

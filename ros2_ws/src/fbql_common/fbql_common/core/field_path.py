@@ -159,7 +159,7 @@ def _slices(array: npt.NDArray[np.float64], slices: tuple[Slice, ...], text: str
 
 def _yaw(value: Any, text: str) -> float:
     if not set(_QUATERNION) <= set(fields_of(value)):
-        raise BadInput(f"field '{text}': yaw is of a quaternion, and that is {_kind(value)}")
+        raise BadInput(f"field '{text}': yaw needs a quaternion, but that is {_kind(value)}")
     x, y, z, w = (float(getattr(value, name)) for name in _QUATERNION)
     if x == y == z == w == 0.0:
         return nan

@@ -33,7 +33,7 @@ def wrap_bearing(angle_rad: float) -> float:
 
 
 def distance_and_bearing(world: World, x_m: float, y_m: float) -> tuple[float, float]:
-    """Distance from the robot's centre to a point [m], and its bearing from the robot's heading, in [-pi, pi) [rad]."""
+    """Distance from the robot's center to a point [m], and its bearing from the robot's heading, in [-pi, pi) [rad]."""
     dx, dy = x_m - world.robot_x_m, y_m - world.robot_y_m
     bearing = remainder(atan2(dy, dx) - world.robot_yaw_rad, tau)
     return hypot(dx, dy), bearing if bearing < pi else -pi
@@ -56,7 +56,7 @@ def wall_distance_and_bearing(world: World) -> tuple[float, float]:
 def approach_angle(world: World) -> float:
     """psi: the angle from the line robot -> ball to the line ball -> goal, in [-pi, pi) [rad] (Fig. 8).
 
-    0 when the robot stands behind the ball, in line with the centre of the goal that is attacked.
+    0 when the robot stands behind the ball, in line with the center of the goal that is attacked.
     """
     to_ball = atan2(world.ball_y_m - world.robot_y_m, world.ball_x_m - world.robot_x_m)
     psi = remainder(atan2(-world.ball_y_m, FIELD.half_length_m - world.ball_x_m) - to_ball, tau)

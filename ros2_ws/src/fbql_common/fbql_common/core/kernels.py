@@ -21,9 +21,9 @@ class Kernel[**P, R]:
 
     def __init__(self, function: Callable[P, R], interpreted: Callable[P, R] | None) -> None:
         self.function = function
-        """What is compiled."""
+        """The function that is compiled."""
         self.interpreted = interpreted or function
-        """What runs otherwise: the same, or NumPy's own form of a loop that would be slow in Python."""
+        """The function that runs otherwise: the same, or NumPy's form of a loop that would be slow in Python."""
         self.run = self.interpreted
         self.is_compiled = False
         self.__doc__ = function.__doc__

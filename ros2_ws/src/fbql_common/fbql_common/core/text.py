@@ -9,7 +9,7 @@ def one_line(text: object) -> str:
     """The text as one line that a terminal shows as it is.
 
     Whatever is not printable is escaped as in a Python string: control characters and newlines, which would forge
-    lines or colours; marks that turn the direction of writing; half of a surrogate pair, which can't be encoded.
+    lines or colors; marks that turn the direction of writing; half of a surrogate pair, which can't be encoded.
     """
     line = str(text)
     if line.isprintable():

@@ -1,7 +1,7 @@
 """The walls' inner faces, and the wall point closest to a place: the map of the field that the simulator and a world model share.
 
 The inside is an octagon (the field without its corner triangles) with two goal pockets. The goal mouths are open: they
-are not wall, the pockets' sides and backs are. Frame "field", lengths in metres.
+are not wall, the pockets' sides and backs are. Frame "field", lengths in meters.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ _LAST_WRITE_S = 0.5
 
 
 def text_of(line: Line, colour: bool) -> str:
-    """A line as a terminal takes it, in colours or plain."""
+    """A line as a terminal takes it, in colors or plain."""
     if not colour:
         return "".join(text for text, _ in line)
     return "".join(f"\x1b[{style}m{text}\x1b[m" if style else text for text, style in line)
@@ -88,7 +88,7 @@ class RawTerminal:
         os.close(self._fd)
 
     def fileno(self) -> int:
-        """What to wait for keys on."""
+        """The file descriptor on which to wait for keys."""
         return self._fd
 
     def take(self) -> bool:

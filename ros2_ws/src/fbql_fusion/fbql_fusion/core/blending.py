@@ -53,7 +53,7 @@ def blend(weights: Sequence[float], answers: Answers, space: CommandSpace) -> Bl
 
 
 def live_weights(weights: Sequence[float], live: Sequence[bool]) -> tuple[tuple[float, ...], bool]:
-    """The weights renormalised over the behaviors that are live, and whether they had to be rejected.
+    """The weights renormalized over the behaviors that are live, and whether they had to be rejected.
 
     Args:
         weights: w_i; any length.

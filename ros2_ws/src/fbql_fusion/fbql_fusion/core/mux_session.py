@@ -20,7 +20,7 @@ class MuxSession(Session[MuxMoment, Command, EpisodeRecord]):
     Args:
         parameters: what decides; `behaviors` names the sources.
         task: the robot, with the same period as the parameters.
-        guide: who would drive without learning: priorities.
+        guide: who would drive without learning, by priorities.
         policy: what an earlier run learned, to continue from.
 
     Raises:

@@ -44,7 +44,7 @@ class Rejections:
     trees: int = 0
     """Answers from another tree than the behavior's first."""
     weights: int = 0
-    """Weights of a wrong number or not finite, which uniform ones replaced."""
+    """Weights of the wrong number, or not finite, which were replaced by uniform ones."""
 
     @property
     def total(self) -> int:

@@ -31,7 +31,7 @@ def imagines(parameters: FusionParameters) -> bool:
 def plays_instead(parameters: FusionParameters, trees: Sequence[PlayingTree]) -> str:
     """One line that says why fbql plays in the place of fbql_model, which can't imagine; "" if it does not."""
     why = why_not_imagined(parameters.behaviors, trees) if imagines(parameters) else ""
-    return f"fbql_model can't imagine episodes, and fbql learns in its place: {why}" if why else ""
+    return f"fbql_model can't imagine episodes, so fbql learns in its place: {why}" if why else ""
 
 
 def _imagination(

@@ -22,7 +22,7 @@ _NO_FLOATS, _NO_FLAGS = (_NAN,) * len(_FLOATS), (False,) * len(_FLAGS)
 
 
 class Recorded(NamedTuple):
-    """What a recording contains: columns of anything else are left out, so that "n/a" is not taken for 0."""
+    """The parts that a recording contains: columns of anything else are left out, so that "n/a" is not taken for 0."""
 
     world: bool
     behaviors: tuple[str, ...]

@@ -87,7 +87,7 @@ class MessageCodec[T]:
         return self._make(values)
 
     def encode(self, value: T) -> bytes:
-        """The bytes of a domain type, as a node of ours publishes them. Raises TypeError where not `is_ours`."""
+        """The bytes of a domain type, as our nodes publish them. Raises TypeError where not `is_ours`."""
         if not self.is_ours:
             raise TypeError("the recorded message has other fields than ours")
         values: Any = value

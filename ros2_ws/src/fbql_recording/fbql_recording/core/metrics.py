@@ -157,7 +157,7 @@ def summarise_task(
 
 
 class _Counts(NamedTuple):
-    """What both summaries say of the episodes that count, under their own names."""
+    """The values of the counted episodes that both summaries have, under their own names."""
 
     counted: Sequence[EpisodeRecord]
     """Those that are not guided."""
@@ -205,7 +205,7 @@ _STEP = struct.Struct("<qq7d").pack
 
 
 def step_bytes(world: World, left_rad_s: float, right_rad_s: float) -> bytes:
-    """What a step of soccer adds to the digest: 72 bytes, little-endian: episode, step (int64), robot x, y, yaw, ball x, y,
+    """The bytes that a step of soccer adds to the digest: 72, little-endian: episode, step (int64), robot x, y, yaw, ball x, y,
     left, right (float64)."""
     return _STEP(
         world.episode,

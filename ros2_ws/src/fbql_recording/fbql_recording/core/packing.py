@@ -3,7 +3,7 @@
 A column is int32: multiples of its unit, or the bits of float32 where the unit is 0. Stored is the difference of each
 row from the one before (modulo 2^32, the first from 0), as an unsigned number with the sign in bit 0: first the lowest
 byte of all rows, then the second, the third and the highest. Columns follow each other, and the whole is deflated
-(zlib, RFC 1950). Neighbouring steps differ by little, so most of these bytes are 0.
+(zlib, RFC 1950). Neighboring steps differ little, so most of these bytes are 0.
 """
 
 from __future__ import annotations

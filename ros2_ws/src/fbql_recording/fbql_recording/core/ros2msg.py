@@ -26,7 +26,7 @@ _MAX_CHARACTERS = 2**22
 """Limit of the text that is read. A nested message counts each time it occurs: messages without fields of their own
 could multiply endlessly."""
 _VISIT_CHARACTERS = 80
-"""What a nested message counts in addition to its text."""
+"""The length that a nested message counts in addition to its text."""
 
 
 class MessageField(NamedTuple):

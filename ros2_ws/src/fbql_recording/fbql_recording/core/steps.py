@@ -120,7 +120,7 @@ class StepJoin:
             yield self._out(key)
 
     def _is_overdue(self, oldest: Key) -> bool:
-        """Whether the step that came first is no longer waited for. All other pending steps have begun after it."""
+        """Whether to stop waiting for the step that arrived first. All other pending steps have begun after it."""
         return len(self._pending) > _ASSEMBLED or sum(key > oldest for key in self._pending) >= _WINDOW
 
     def rest(self) -> Iterator[StepData]:

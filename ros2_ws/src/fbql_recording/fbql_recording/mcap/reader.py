@@ -94,7 +94,7 @@ def _kind_words(kind: tuple[str, str, str]) -> str:
 
 @dataclass
 class Damage:
-    """What is wrong with a file, as far as it was read."""
+    """The damage of a file, as far as it was read."""
 
     cut_off_at: int | None = None
     """Byte after the last complete record of a file that was cut off; None for a complete one."""

@@ -1,4 +1,4 @@
-"""What of a scanned file belongs together, in which order, and what is missing from it.
+"""Which parts of a scanned file belong together, in which order, and what is missing.
 
 Two things are believed, because CRCs cover them: a summary whose CRC matches, which lists every chunk, attachment and
 Metadata record; and the numbers of the messages in sound chunks, which our own recorder counts from 1 for each channel.

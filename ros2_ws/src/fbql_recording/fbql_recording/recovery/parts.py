@@ -1,4 +1,4 @@
-"""What a scan finds in a damaged file: sound parts, and gaps between them."""
+"""The results of scanning a damaged file: sound parts, and the gaps between them."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Recovery:
     steps: int = 0
     """Steps in the new recording."""
     gaps: list[tuple[str, Gap]] = field(default_factory=list[tuple[str, Gap]])
-    """What is lost, each with the name of its file."""
+    """The gaps, each with the name of its file."""
     messages_lost: dict[str, int] = field(default_factory=dict[str, int])
     """By topic: a lower bound, unless `is_exact`."""
     is_exact: bool = True
@@ -167,16 +167,14 @@ class _Writing:
             return
         name = "metadata.yaml"
         if any(known[topic] > told.get(topic, 0) for topic in known):
-            done.notes.append(
-                f"{name} tells of {sum(told.values())} messages, but there were {known.total()}; not used"
-            )
+            done.notes.append(f"{name} counts {sum(told.values())} messages, but there were {known.total()}; not used")
         elif not done.is_exact:
             done.messages_lost = {
                 topic: told[topic] - kept[topic] for topic in sorted(told) if told[topic] > kept[topic]
             }
             done.is_exact = True
         else:
-            why = f"it tells of {sum(told.values())} messages, but the files that it names never held more than {known.total()}"
+            why = f"it counts {sum(told.values())} messages, but the files that it names never held more than {known.total()}"
             done.gaps.append((name, Gap(0, 0, why, is_odd=True)))
             done.is_exact = False
 
@@ -298,7 +296,7 @@ def _words_of(gap: Gap) -> dict[str, str]:
 
 
 class _Expected:
-    """What metadata.yaml, which was written when the recording was complete, tells of the number of messages."""
+    """The numbers of messages in metadata.yaml, which was written when the recording was complete."""
 
     def __init__(self, files: RunFiles) -> None:
         self.messages: dict[str, int] | None = None

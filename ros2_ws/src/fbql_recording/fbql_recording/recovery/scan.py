@@ -158,7 +158,7 @@ class Scan:
 
     @property
     def gaps(self) -> list[Gap]:
-        """What is lost, in the order of the file."""
+        """The gaps, in the order of the file."""
         return [gap for gap in self._found if isinstance(gap, Gap)]
 
     def contents(self) -> Iterator[SoundMessage | Attachment | Metadata | Gap]:

@@ -1,7 +1,7 @@
 """The walls around the field as solid blocks for the physics.
 
 The inside is an octagon (the field without its corner triangles) with two goal pockets. The goal mouths are open:
-they are not wall, the pockets' sides and backs are. Frame "field", lengths in metres.
+they are not wall, the pockets' sides and backs are. Frame "field", lengths in meters.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ NOISE_BLOCK = 256
 
 
 class Events(NamedTuple):
-    """What a step caused; the names are those of World."""
+    """The events that a step caused; the names are those of World."""
 
     goal: bool
     own_goal: bool

@@ -1,1 +1,1 @@
-"""What several studies share: method names, training and frozen play, tuned controls, tables, drawing."""
+"""Shared by several studies: method names, training and frozen play, tuned controls, tables, drawing."""

@@ -1,6 +1,6 @@
-"""How the figures of all studies are drawn: colours, style, files, and the axes that several of them share.
+"""Drawing of the figures of all studies: colors, style, files, and the axes that several of them share.
 
-The colours are those of Okabe and Ito, Color Universal Design (2008), which people with any colour vision can tell apart,
+The colors are those of Okabe and Ito, Color Universal Design (2008), which people with any color vision can tell apart,
 and two of Paul Tol's.
 """
 
@@ -54,7 +54,7 @@ COLOURS = {
     FBQL_MODEL: WINE,
     imagined_once(FBQL_MODEL): ROSE,
 }
-"""The colour of a method."""
+"""The color of a method."""
 
 
 def keep_and_draw(figures: Mapping[str, Callable[[Any], Figure]], curves: Curves, directory: Path) -> list[Path]:

@@ -99,7 +99,7 @@ def _maps(axes: Sequence[Axes], found: Mapping[str, Any]) -> None:
 
 
 def _blended(weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The colour of the heaviest behavior, the paler the nearer its weight is to 1/n, [rows, columns, rgb].
+    """The color of the heaviest behavior, the paler the nearer its weight is to 1/n, [rows, columns, rgb].
 
     Args:
         weights: [rows, columns, n].

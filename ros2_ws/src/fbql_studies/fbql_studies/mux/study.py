@@ -1,8 +1,8 @@
-"""A mux that learns whom to follow, against tuned priorities, in rooms that neither has seen.
+"""A mux that learns which source to follow, against tuned priorities, in rooms that neither has seen.
 
 The robot, its rooms and its sources are those of `fbql_studies.rooms`; a room is its family and seed. Rooms for tuning, for
-training and for testing never overlap, and nothing is chosen by a test room. Every task plays in the twin of IR-SIM; with
-`--worlds both` the policies that were trained play the test rooms in IR-SIM itself as well.
+training and for testing never overlap, and no test room influences a choice. Every task plays in the twin of IR-SIM; with
+`--worlds both` the trained policies also play the test rooms in IR-SIM itself.
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def shortened(counts: Result) -> Result:
 
 
 def _fixed(parameters: Parameters) -> Result:
-    """What nothing was tuned for, and the tuned priorities that the learned mux is guided by."""
+    """The baselines without tuning, and the tuned priorities that guide the learned mux."""
     family, world = parameters["family"], TwinWorld(parameters["noise_m"])
     test = list(rooms(family, FIRST_TEST_ROOM, parameters["evaluate"]))
     found = {f"{name} alone": alone(source, world, test) for name, source in sources_with_tree().items()} | {
@@ -198,7 +198,7 @@ def _condition(parameters: Parameters) -> Result:
 
 
 def _tuned(parameters: Parameters) -> Result:
-    """Settings, or blends, on the rooms of tuning; and on the test rooms, by which none is chosen."""
+    """Settings, or blends, on the tuning rooms, and also on the test rooms, which do not influence the choice."""
     family, world = parameters["family"], TwinWorld()
     first, last = parameters["first"], parameters["last"]
     tuning = list(rooms(family, FIRST_TUNING_ROOM, parameters["tuning_rooms"]))
@@ -217,7 +217,7 @@ def _tuned(parameters: Parameters) -> Result:
 
 
 def _plain(candidate: Sequence[Any]) -> list[Any]:
-    """A candidate as JSON has it."""
+    """A candidate as JSON."""
     return [[*each] if isinstance(each, tuple) else each for each in candidate]
 
 

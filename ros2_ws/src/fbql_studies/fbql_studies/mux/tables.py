@@ -1,7 +1,7 @@
 """The tables of the study of the mux: each method on the test rooms, compared with the tuned priorities on the same rooms.
 
-Intervals cover the chance of both trainings and rooms: each resample draws trainings and, independently, rooms, the same for both
-methods of a comparison (the pigeonhole bootstrap; Owen 2007, The Pigeonhole Bootstrap, Annals of Applied Statistics 1).
+Intervals cover the randomness of both trainings and rooms: each resample draws trainings and, independently, rooms, the same for
+both methods of a comparison (the pigeonhole bootstrap; Owen 2007, The Pigeonhole Bootstrap, Annals of Applied Statistics 1).
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def _order(key: tuple[str, Condition, int | None]) -> tuple[Any, ...]:
 
 
 def _chosen(results: Mapping[str, Result]) -> dict[tuple[str, str], Result]:
-    """(method, family) -> the candidate that cost least on the rooms of tuning; of equals the first."""
+    """(method, family) -> the candidate that cost least on the tuning rooms; of equals, the first."""
     names = {"settings": TUNED, "blends": BEST_BLEND}
     found: dict[tuple[str, str], list[Result]] = {}
     for result in results.values():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 TOP_SPEED_M_S, TOP_YAW_RATE_RAD_S = 1.76, 50.0
 GOAL_DISTANCE_WEIGHT, BALL_DISTANCE_WEIGHT = 10.0, 4.0
-"""Reward for each metre by which the ball gets nearer to the goal, and the robot to the ball."""
+"""Reward for each meter by which the ball gets nearer to the goal, and the robot to the ball."""
 
 
 class SeenFromRobot(gymnasium.ObservationWrapper[NDArray[np.float32], Any, Any]):

@@ -1,4 +1,4 @@
-"""Pictures of rooms, with the trail of the robot coloured by who drove. Needs Matplotlib."""
+"""Pictures of rooms, with the robot's trail colored by who drove. Needs Matplotlib."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Episodes in rooms, in-process, by a mux that learns or plays what it has learned."""
+"""Episodes in rooms, in-process, driven by a mux that learns or plays what it has learned."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Mux:
     """A mux in rooms: a session, its sources, and the priorities that guide it.
 
     Args:
-        setting: of the guide, which is the prior where `parameters.fbql_prior` is above 0.
+        setting: of the guide, which is also the prior if `parameters.fbql_prior` is above 0.
         gated: whether a source is masked while its gate is closed.
     """
 

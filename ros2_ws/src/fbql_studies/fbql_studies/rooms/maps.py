@@ -1,6 +1,6 @@
-"""Rooms of 10 x 10 m by seed, each with a start and a goal, kept only if the robot can get from one to the other.
+"""Rooms of 10 x 10 m, made from seeds, each with a start and a goal, and kept only if the robot can get from one to the other.
 
-Two families. `traps`: a U across the straight line to the goal, open towards the start (60 %), or a wall through the whole
+There are two families. `traps`: a U across the straight line to the goal, open towards the start (60 %), or a wall through the whole
 room with one gap (35 %). `doors`: two walls, crossing or parallel, with a door in each part. Both have clutter.
 """
 
@@ -20,9 +20,9 @@ WALL_M = 0.2
 """Thickness of a wall."""
 NARROWEST_GAP_M, WIDEST_GAP_M = 0.75, 1.0
 CLEARANCE_M = RADIUS_M + 0.05
-"""Between the robot's centre and every obstacle on a way that makes a room solvable."""
+"""The distance that a way must keep between the robot's center and every obstacle, so that a room counts as solvable."""
 CELL_M = 0.1
-"""Of the grid on which ways are looked for."""
+"""The cell size of the grid on which ways are searched."""
 _ATTEMPTS = 1000
 
 Point = tuple[float, float]
@@ -104,7 +104,7 @@ def _trap(generator: np.random.Generator, start: Point, goal: Point) -> list[Pol
 
 
 def wall_with_gap(x: float, y: float, yaw: float, generator: np.random.Generator) -> list[Polygon]:
-    """A straight wall through (x, y) from side to side, with a gap at least 0.7 m inside of the room."""
+    """A straight wall through (x, y) from side to side, with a gap at least 0.7 m inside the room."""
     low, high = _span(x, y, yaw, 0.7)
     width = generator.uniform(NARROWEST_GAP_M, WIDEST_GAP_M)
     at = generator.uniform(low + width / 2, max(high - width / 2, low + width / 2))
@@ -112,7 +112,7 @@ def wall_with_gap(x: float, y: float, yaw: float, generator: np.random.Generator
 
 
 def _span(x: float, y: float, yaw: float, margin: float) -> tuple[float, float]:
-    """The part of a line through (x, y) that is that far inside of the room, as distances along it."""
+    """The part of a line through (x, y) that is that far inside the room, as distances along it."""
     low, high = -2.0 * SIZE_M, 2.0 * SIZE_M
     for origin, direction in ((x, cos(yaw)), (y, sin(yaw))):
         if abs(direction) > 1e-9:
@@ -194,7 +194,7 @@ def free_cells(obstacles: tuple[Polygon, ...], clearance_m: float) -> NDArray[np
 
 
 def _is_near(obstacles: tuple[Polygon, ...], cells: int, distance: float) -> NDArray[np.bool_]:
-    """Which cells have their centre inside of each obstacle grown by a distance, [obstacles, y, x]."""
+    """Which cells have their center inside each obstacle, grown by a distance, [obstacles, y, x]."""
     at = (np.arange(cells) + 0.5) * CELL_M
     inside = np.ones((len(obstacles), cells, cells), dtype=np.bool_)
     corners = np.array(obstacles)

@@ -1,4 +1,4 @@
-"""Episodes in rooms, in-process, by rules that need no learning; `learned` has those of the mux."""
+"""Episodes in rooms, in-process, driven by rules that need no learning; `learned` has those of the mux."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class End(NamedTuple):
     """How one episode ended."""
 
     seed: int
-    """The room's."""
+    """The seed of the room."""
     outcome: str
     """success, collision or timeout"""
     steps: int

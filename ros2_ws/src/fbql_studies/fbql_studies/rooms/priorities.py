@@ -27,11 +27,11 @@ class Setting(NamedTuple):
     """For each but the last: it publishes while something is nearer than this: ahead for `gap` and `back`, on the way to the goal
     for all others."""
     latch_s: float = 0.0
-    """How long a source goes on after its condition has ended."""
+    """How long a source continues to publish after its condition has ended."""
 
 
 HAND_SET = Setting(("back", "gap", "goal"), (0.35, 1.0))
-"""As one would set them without any tuning."""
+"""Priorities as a person would set them without any tuning."""
 
 
 class Gates:
@@ -67,7 +67,7 @@ class Gates:
 
 
 class GatedPriorities:
-    """The guide: of the sources whose gates are open, the first in the order. `gates` is what `Gates.open` said of this moment."""
+    """The guide: of the sources whose gates are open, the first in the order. `gates` is what `Gates.open` returned at this moment."""
 
     def __init__(self, order: Sequence[int]) -> None:
         self._order = tuple(order)

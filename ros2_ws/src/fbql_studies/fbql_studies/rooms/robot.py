@@ -1,4 +1,4 @@
-"""The robot: differential drive, a laser scanner all around, and what one of its scans says. Lengths in m, angles in rad."""
+"""The robot: a differential drive with a laser scanner all around, and its readings. Lengths in m, angles in rad."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Reading(NamedTuple):
 
     @property
     def truncated(self) -> bool:
-        """The time is up."""
+        """The time limit was reached."""
         return self.step >= MAX_STEPS and not self.terminated
 
 

@@ -1,7 +1,7 @@
-"""A twin of IR-SIM's scan and collision test for rooms of convex polygons: the same numbers, many times as fast.
+"""A twin of IR-SIM's scan and collision test for rooms of convex polygons: the same numbers, many times faster.
 
-tests/fbql_studies/rooms/test_worlds.py holds the two together. What makes it fast: edges out of range are left out, and so are
-those that face away from the robot, which stands outside of every polygon; and its loops are compiled where that is possible.
+tests/fbql_studies/rooms/test_worlds.py checks that the two agree. It is fast because it skips edges out of range and those that
+face away from the robot, which stands outside every polygon, and because its loops are compiled where possible.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fbql_studies.rooms.robot import ANGLES, BEAMS, RADIUS_M, RANGE_M, Ranges
 
 Floats = NDArray[np.float64]
 _CORNERS = 64
-"""IR-SIM's robot is a polygon with so many corners, one of them straight ahead, on the circle of its radius."""
+"""IR-SIM's robot is a polygon with this many corners, one of them straight ahead, on the circle of its radius."""
 _COS, _SIN = np.cos(ANGLES), np.sin(ANGLES)
 
 
@@ -89,7 +89,7 @@ def scan(edges: Floats, near: Floats, x: float, y: float, c: float, s: float) ->
 
 @kernel
 def collides(edges: Floats, near: Floats, x: float, y: float, yaw: float) -> bool:
-    """Whether the robot touches an edge. That IR-SIM's robot is a polygon matters within .25 mm."""
+    """Whether the robot touches an edge. IR-SIM's robot is a polygon, which matters only within .25 mm."""
     nearest = near.min()
     if nearest > RADIUS_M:
         return False

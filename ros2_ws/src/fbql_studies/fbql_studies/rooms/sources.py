@@ -15,13 +15,13 @@ from fbql_studies.rooms.robot import BEAM_RAD, BEAMS, RANGE_M, Ranges, Reading
 
 FAST_M_S, SLOW_M_S, BACK_M_S, TURN_RAD_S = 0.8, 0.6, 0.3, 1.5
 STOP_M = 0.35
-"""From the robot's centre: the gap and wall followers go no nearer to what is ahead."""
+"""From the robot's center: the gap and wall followers go no nearer to obstacles ahead."""
 FREE_M = 1.0
 """A beam longer than this belongs to a gap."""
 WALL_M = 0.5
 """The distance that the wall followers keep."""
 LOST_M = 1.2
-"""Beyond it a wall is not followed."""
+"""A wall farther away than this is not followed."""
 AHEAD = BEAMS // 2
 """Index of the beam straight ahead; the one to the left of it has the next index."""
 _QUARTER = BEAMS // 4
@@ -107,7 +107,7 @@ def follow_gap(ranges: Ranges, distance: float, bearing: float) -> Command:
 
 @kernel
 def _follow_wall(ranges: Ranges, side: int) -> Command:
-    """Keeps a wall on its left (side 1) or right (-1): goes round its end, and straight on where there is none to be found."""
+    """Keeps a wall on its left (side 1) or right (-1): goes round its end, and straight on where no wall is found."""
     ahead = nearest(ranges, AHEAD - 4, AHEAD + 4)
     skew = nearest(ranges, AHEAD + 6, AHEAD + 9) if side > 0 else nearest(ranges, AHEAD - 9, AHEAD - 6)
     ahead = min(ahead, skew)

@@ -1,7 +1,7 @@
-"""A scripted operator, who drives the robot by the keys of a keyboard as a person who looks down into the room would.
+"""A scripted operator, who drives the robot with a keyboard, as a person who looks down into the room would.
 
-It plans the shortest way on a grid and follows it with three keys: forwards, left, right. So it shows what no source can know, the
-way round; what a tree keeps of that is what can be told from the scan and the goal.
+It plans the shortest way on a grid and follows it with three keys: forwards, left, right. So it demonstrates what no source can
+know: the way round. A tree can learn only the part of it that shows in the scan and the goal.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fbql_studies.rooms.robot import Reading
 from fbql_studies.rooms.sources import Command
 
 FORWARD_M_S, TURN_RAD_S = 0.6, 1.0
-"""What the keys do."""
+"""The effects of the keys."""
 CLEARANCE_M = 0.35
 _NARROW_M = 0.25
 """Kept where there is no way with CLEARANCE_M."""

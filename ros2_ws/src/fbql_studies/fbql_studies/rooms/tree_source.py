@@ -29,5 +29,5 @@ def source_of(tree: Tree) -> Source:
 
 
 def sources_with_tree() -> dict[str, Source]:
-    """SOURCES, and then the tree that ships."""
+    """SOURCES, followed by the shipped tree."""
     return {**SOURCES, TREE: source_of(load_tree(SHIPPED))}

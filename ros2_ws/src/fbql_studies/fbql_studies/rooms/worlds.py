@@ -1,4 +1,4 @@
-"""The two worlds that a room can be driven in: IR-SIM, and the twin of it."""
+"""The two worlds that a room can be driven in: IR-SIM and its twin."""
 
 from __future__ import annotations
 

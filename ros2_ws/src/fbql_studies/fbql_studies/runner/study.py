@@ -1,4 +1,4 @@
-"""What a study is: independent tasks, each a deterministic function of plain values, and a table of their results.
+"""The interface of a study: independent tasks, each a deterministic function of plain values, and a table of their results.
 
 A study is a folder of this package; its module `study` implements the protocol Study.
 """

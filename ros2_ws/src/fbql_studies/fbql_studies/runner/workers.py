@@ -97,7 +97,7 @@ def run_locally(
 
 def _announce(tasks: Sequence[StudyTask], how: str, store: Store) -> None:
     """Says what begins now: the first task may take an hour."""
-    say(f"{counted(len(tasks), 'task')}, {how}; results go to {store.directory}, and Ctrl-C loses none that is done")
+    say(f"{counted(len(tasks), 'task')}, {how}; results go to {store.directory}, and Ctrl-C loses none that are done")
 
 
 def _ender(exitcode: int | None) -> str:

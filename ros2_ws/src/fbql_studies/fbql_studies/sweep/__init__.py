@@ -1,1 +1,1 @@
-"""Parameters over some values, each of them over the same seeds."""
+"""A sweep: parameters over several values, each with the same seeds."""

@@ -1,4 +1,4 @@
-"""Play controllers and parameters over some values, each over the same seeds, and compare. It resumes where it was stopped."""
+"""Plays controllers and parameters over several values, each with the same seeds, and compares them. It resumes where it stopped."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def parser(program: str) -> Parser:
     result = Parser(
         prog=program,
         description="Plays every combination of the values given for --controller and --set, each with the same seeds, as "
-        "train does. The table has the 95 % intervals, and each combination against the first one.",
+        "train does. The table has 95 % intervals and compares each combination with the first one.",
         epilog=f"for example: {program} --seeds 10 --controller fbql --set fbql_hold_s=0.02,0.1,0.25 --episodes 100",
     )
     study.add_options(result)

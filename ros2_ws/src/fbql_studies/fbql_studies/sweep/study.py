@@ -22,8 +22,8 @@ from fbql_fusion.controller_loading import resolve_controller
 
 from fbql_studies.runner.study import MOST_SEEDS, Result, StudyTask, add_count, check_counts
 
-DESCRIPTION = "controllers and parameters over some values, each over the same seeds"
-CAPTIONS = {"sweep": "What came of each combination of values: each run, and all of them with their 95 % interval"}
+DESCRIPTION = "controllers and parameters over several values, each with the same seeds"
+CAPTIONS = {"sweep": "The results of each combination of values: each run, and all of them with their 95 % interval"}
 SEEDS = 10
 MOST_COMBINATIONS = 1000
 _WORDS = {
@@ -52,7 +52,7 @@ _NAME_CHARACTERS = 100
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """What is swept, and what is played."""
+    """Adds the options of what is swept and what is played."""
     swept = parser.add_argument_group("what is swept")
     add_count(swept, "--seeds", SEEDS, "seeds of each combination")
     swept.add_argument("--first-seed", type=int, default=0, metavar="S", help="the first of the seeds (0)")
@@ -75,7 +75,7 @@ def tasks(options: argparse.Namespace) -> list[StudyTask]:
     check_counts(options, seeds=MOST_SEEDS)
     matches = list(_matches(options))
     if len(matches) > MOST_COMBINATIONS:
-        raise BadInput(f"these are {len(matches)} combinations; the most is {MOST_COMBINATIONS}")
+        raise BadInput(f"that makes {len(matches)} combinations; at most {MOST_COMBINATIONS} are supported")
     notes: dict[str, None] = {}
     for each in matches:
         match = match_from(_arguments(each, options.first_seed))
@@ -115,7 +115,7 @@ def _arguments(match: Mapping[str, Any], seed: int) -> argparse.Namespace:
 
 
 def _file_name(match: Mapping[str, Any]) -> str:
-    """What is special in a combination, as a part of a file's name."""
+    """The distinguishing values of a combination, as a part of a file's name."""
     words = "-".join([Path(match["controller"] or "match").name, *match["set"]])
     return re.sub(r"[^\w.=-]", "_", words)[:_NAME_CHARACTERS]
 

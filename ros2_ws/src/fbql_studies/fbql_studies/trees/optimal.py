@@ -66,7 +66,7 @@ def optimal_tree(behavior: str, patterns: Patterns, depth: int, leaves: int) -> 
 
 
 def as_ours(root: Any, behavior: str, patterns: Patterns, cuts: list[tuple[int, float]]) -> Tree:
-    """pystreed's tree as ours; its feature k asks whether an attribute is at least the threshold of cut k."""
+    """pystreed's tree converted to ours; its feature k asks whether an attribute is at least the threshold of cut k."""
     nodes: list[Node] = []
     leaves: list[Leaf] = []
 

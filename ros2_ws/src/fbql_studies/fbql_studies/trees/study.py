@@ -44,7 +44,7 @@ CAPTIONS = {
     "trees_sizes": "Held-out error against the number of leaves: exact trees of either objective, and CART of every size",
     "trees_play": "Steps per goal and success rate of each method's trees, with 95 % intervals over the seeds",
     "trees_leaf_counts": "Leaves over demonstration seeds, and the paper's",
-    "trees_partition": "The paper's Fig. 3: the leaves of each behavior after 50 trials with demonstration seed 1001, by the weighted objective (above) and the printed one (below); the colour is how sharply a leaf turns, hatched leaves drive backwards",
+    "trees_partition": "The paper's Fig. 3: the leaves of each behavior after 50 trials with demonstration seed 1001, by the weighted objective (above) and the printed one (below); the color is how sharply a leaf turns, hatched leaves drive backwards",
 }
 COLUMNS, table, words = tables.COLUMNS, tables.table, tables.words
 SPLIT_COSTS = (0.0, 0.001, 0.002, 0.004, 0.006, 0.01, 0.015, 0.025, 0.04, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.6)

@@ -224,7 +224,7 @@ def test_where_nothing_can_be_imagined_fbql_plays_and_one_line_says_so(guided: i
     assert learned(session).kind == "fbql"
     assert equal(arrays_of(session), arrays_of(fbql))
     assert plays_instead(same, ()) == (
-        "fbql_model can't imagine episodes, and fbql learns in its place: the trees of the behaviors are not known to it"
+        "fbql_model can't imagine episodes, so fbql learns in its place: it does not know the trees of the behaviors"
     )
 
 

@@ -144,7 +144,7 @@ class Live {
   show() {
     this.player.pace = this.pace ?? null;
     byId("speed").disabled = !this.pace;
-    this.tell(this.pace ? `Live: ${this.pace.words}.` : run.steps ? "Live, in the time that the match keeps." : "Live.");
+    this.tell(this.pace ? `Live: ${this.pace.words}.` : run.steps ? "Live, at the match's own pace." : "Live.");
     if (performance.now() - this.renewed > TIMELINES_MS) {
       this.renewed = performance.now();
       this.renew(this.changed);
@@ -155,7 +155,7 @@ class Live {
 
   end() {
     for (const episode of run.episodes) episode.running = false;
-    this.tell("The match has ended, or its command was stopped. All that came can be looked through as long as this page is open.");
+    this.tell("The match has ended, or its command was stopped. Everything so far can be browsed as long as this page is open.");
     if (this.player === null) return;
     this.player.end();
     byId("speed").disabled = false;

@@ -85,13 +85,13 @@ function choice(driver, step) {
   const learned = run.behaviors.map((_, k) => value(`learned_weights.${k}`, step));
   if (run.phases[place("phase", step)] === "guided" || learned.includes(null)) return "";
   const weights = learned.map((weight, k) => `${signOf(k)} ${number(100 * weight, 1)} %`).join(", ");
-  const most = learned[driver] === Math.max(...learned) ? "which had the most weight" : "drawn";
-  return `, ${most} of the weights learned for this situation (${weights})`;
+  const how = learned[driver] === Math.max(...learned) ? "with the largest of" : "drawn by";
+  return `, ${how} the weights learned for this situation (${weights})`;
 }
 
 /** Why the command is what it is, in words. */
 function why(step) {
-  if (run.shown) return `The instructor shows ${run.shown}. The command: ${run.commands[place("command_words", step)] ?? "n/a"}.`;
+  if (run.shown) return `The instructor demonstrates ${run.shown}. The command: ${run.commands[place("command_words", step)] ?? "n/a"}.`;
   if (!flag("has_decision", step)) return "The decision at this step is not in the recording.";
   const driver = place("driver", step);
   const motion = run.commands[place("command_words", step)] ?? "n/a";

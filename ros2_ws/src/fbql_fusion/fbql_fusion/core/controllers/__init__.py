@@ -1,1 +1,1 @@
-"""What a controller is, and the controllers that neither learn nor guide."""
+"""The interface of controllers, and the controllers that do not learn."""

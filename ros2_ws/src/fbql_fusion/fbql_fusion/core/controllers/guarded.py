@@ -1,4 +1,4 @@
-"""Wraps a user-supplied controller, so that any error in it is one line and not a traceback."""
+"""Wraps a user-supplied controller, so that any error in it is reported in one line instead of a traceback."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Guarded:
 
 
 class GuardedLearner(Guarded):
-    """The same for one that learns."""
+    """The same for a controller that learns."""
 
     def __init__(self, controller: Any, where: str, file: str, behaviors: int, kind: str) -> None:
         super().__init__(controller, where, file, behaviors)

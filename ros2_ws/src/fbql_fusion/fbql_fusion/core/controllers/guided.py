@@ -25,7 +25,7 @@ class Guided:
         self._selections.append(((0.0,) * behaviors, -1, (), ()))
 
     def begin_episode(self, phase: Phase) -> None:
-        """Nothing is remembered from one step to the next."""
+        """Does nothing: nothing is remembered from one step to the next."""
 
     def select(self, moment: Any, joint_state: JointState, answers: Answers) -> Selection:
         """Weight 1 for the driver; all weights are 0 if the guide chooses none."""

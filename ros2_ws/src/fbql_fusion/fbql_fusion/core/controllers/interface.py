@@ -1,4 +1,4 @@
-"""What a controller is: it decides, at every step, how the behaviors' references are weighed.
+"""The interface of a controller, which decides at every step how the behaviors' references are weighted.
 
 To add one, write a class with `begin_episode` and `select`, and with the rest of `Learner` if it learns, and register it
 (`core.registry`). The session does the rest: schedule, guided episodes, transitions, rewards, faults, records.
@@ -97,7 +97,7 @@ class Learner(Controller, Protocol):
 
 @runtime_checkable
 class Reflecting(Protocol):
-    """A learner that also learns between two episodes, from no transition in particular, which may take many seconds."""
+    """A learner that also learns between two episodes, which may take many seconds, and not from the last transition alone."""
 
     def is_due(self, phase: Phase) -> bool:
         """Whether there is something to reflect on before an episode of this phase, or after the last one."""

@@ -21,7 +21,7 @@ class Uniform:
         self._selection: Selection = ((1.0 / behaviors,) * behaviors, DRIVER_BLEND, (), ())
 
     def begin_episode(self, phase: Phase) -> None:
-        """Nothing changes."""
+        """Does nothing."""
 
     def select(self, moment: Any, joint_state: JointState, answers: Answers) -> Selection:
         """1/n each."""

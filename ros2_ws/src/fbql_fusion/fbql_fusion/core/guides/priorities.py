@@ -1,7 +1,7 @@
 """Priorities: of the sources that may drive, the one with the highest priority drives, as in twist_mux.
 
-With thresholds (`Within`) it takes some of the sources only in some situations, so that it is Subsumption for sources that always
-publish.
+With conditions (`Within`) it considers some of the sources only in some situations, which makes it Subsumption for sources that
+publish all the time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fbql_fusion.core.tasks.interface import Answers
 
 
 class Observed(Protocol):
-    """A moment that has observations of its own."""
+    """A moment that carries its own observations."""
 
     @property
     def observed(self) -> tuple[tuple[float, ...], ...]:
@@ -43,7 +43,7 @@ class Priorities:
 
     Args:
         priorities: of each source; the highest drives, among equals the first, and one of priority 0 or less never.
-        conditions: when each source is taken into account; None: always. Not given: all of them always.
+        conditions: when each source is considered; None: always. Not given: all of them always.
     """
 
     def __init__(self, priorities: Sequence[int], conditions: Sequence[Within | None] = ()) -> None:
@@ -52,7 +52,7 @@ class Priorities:
         self._order = [(i, each[i]) for i in sorted(candidates, key=lambda i: -priorities[i])]
 
     def driver(self, moment: Observed, answers: Answers) -> int:
-        """Index of the driver: where no condition of those that may drive holds, the lowest of them; DRIVER_BLEND if none may drive."""
+        """Index of the driver; if no condition of the sources that may drive holds, the lowest of them; DRIVER_BLEND if none may."""
         lowest = DRIVER_BLEND
         for i, condition in self._order:
             answer = answers[i]

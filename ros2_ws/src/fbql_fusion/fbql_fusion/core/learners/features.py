@@ -1,4 +1,4 @@
-"""The features of a step: the joint leaves, and the regions of what is sensed, that it falls into.
+"""The features of a step: the joint leaves, and the tiles of the observations, that it falls into.
 
 A feature is active or not. Each step has the same number of active features, and a feature gets its index when it is met
 for the first time, so that memory grows with the visited situations and never with the product of the leaves. Nothing
@@ -41,13 +41,13 @@ class Situation(NamedTuple):
     joint_state: JointState
     """Length n."""
     observed: tuple[tuple[float, ...], ...]
-    """What is sensed, in groups, `Task.observed`: in soccer one for each behavior. Empty where it is not known."""
+    """The observations, in groups, `Task.observed`: in soccer one per behavior. An unknown group is empty."""
     critic_inputs: tuple[float, ...] = ()
     """What the critic sees in addition, `Task.critic_inputs`; empty if it sees no more."""
     mask: tuple[bool, ...] | None = None
     """Which behaviors may drive, at least one, length n; None: all. Features do not depend on it."""
     guide: int | None = None
-    """The behavior that the guide would choose, or DRIVER_BLEND; None if that is no feature."""
+    """The behavior that the guide would choose, or DRIVER_BLEND; None if that is not a feature."""
 
 
 class Scales:
@@ -92,7 +92,7 @@ class Scales:
         return cls(np.ascontiguousarray(knots), signed, lengths)
 
     def ranks(self, observed: Sequence[Sequence[float]]) -> list[float | None]:
-        """The rank of each component, length d; None for those of a group that is not known, or has a different number of
+        """The rank of each component, length d; None for those of a group that is unknown, or has a different number of
         values.
 
         Args:
@@ -220,9 +220,9 @@ class FeatureTables(NamedTuple):
     tilings: Tilings
     """Those of the observations, then those of the critic's inputs."""
     leaf_bases: NDArray[np.int64]
-    """Key of each behavior's leaf 0, [n]; empty if leaves are no features."""
+    """Key of each behavior's leaf 0, [n]; empty if leaves are not features."""
     pairs: NDArray[np.int64]
-    """Pairs of behaviors, and the key of their leaves 0, [P, 3]; empty if they are no features."""
+    """Pairs of behaviors, and the key of their leaves 0, [P, 3]; empty if they are not features."""
     active: int
     """F"""
     critic: int
@@ -320,7 +320,7 @@ class Features:
 
     Active are the leaf of each behavior, each pair of leaves, one tile of each tiling, and which behavior the guide would
     choose, if that is a feature. The tilings of a kind are shifted against each other by `offsets`, so that together they
-    distinguish more than one and still generalise. A group of what is sensed that is not known is left out of the tilings.
+    distinguish more than one and still generalize. An unknown group of observations is left out of the tilings.
 
     Args:
         scales: of what is sensed.

@@ -35,7 +35,7 @@ _FIRST_BATCH = 2
 _BATCH_GROWTH = 20
 """Number of episodes after which a batch grows by one episode."""
 COMPILE_AFTER = 10_000
-"""Decisions of this process, about 40,000 steps, after which it pays to compile what learns."""
+"""Decisions of this process, about 40,000 steps, after which it pays to compile the learning code."""
 _ALWAYS = {"counts": ("i", (2,)), "generator": ("u", (6,))}
 """Kind and shape of the arrays that every policy has."""
 
@@ -70,7 +70,7 @@ class Holding(NamedTuple):
     world_tilings: int
     """Tilings of each group of the inputs that only the critic sees, see `Resolution`."""
     has_prior: bool
-    """Whether it is a feature which behavior the guide would choose."""
+    """Whether the guide's choice is a feature."""
 
     @classmethod
     def of(
@@ -130,7 +130,7 @@ class HeldDecisions(ABC):
         self._alone = one_hot_weights(n)
         self._features: Features | None = None
         self._lengths: tuple[int, ...] | None = task.observed_lengths
-        """How many numbers each group of what is sensed has, once it is known."""
+        """How many numbers each group of observations has, once it is known."""
         self._everyone = (True,) * n
         self._episodes: int = 0
         """Episodes that ended, guided ones not counted."""
@@ -170,7 +170,7 @@ class HeldDecisions(ABC):
         mask, weights are those among the behaviors that may drive."""
 
     def _set_prior(self, features: Features) -> None:
-        """Sets what is known of the guide before anything is learned, if that is a feature."""
+        """Sets the preference for the guide's choice before anything is learned, if that is a feature."""
         raise NotImplementedError
 
     @abstractmethod
@@ -390,7 +390,7 @@ class HeldDecisions(ABC):
         counts: list[int] = arrays["counts"].tolist()
         self._episodes, self._updates = counts
         if not self._can_be_counts():
-            raise BadInput(f"the policy's array 'counts' is {counts}, which can't be")
+            raise BadInput(f"the policy's array 'counts' is {counts}, which is impossible")
         set_generator_state(self._generator, arrays["generator"])
         if arrays.keys() > _ALWAYS.keys() or self._updates:
             features = Features.from_arrays(

@@ -151,7 +151,7 @@ def _shares_interpreted(steps: Floats, moved: NDArray[np.int64], share: float) -
 
 @kernel_for(_shares_interpreted)
 def shares_of(steps: Floats, moved: NDArray[np.int64], share: float) -> Floats:
-    """What each feature of a decision takes of its step, [N, n]."""
+    """The share of a decision's step that each of its features takes, [N, n]."""
     shares = np.empty(steps.shape)
     for t in range(len(steps)):
         largest = max(moved[t] * share, 1.0)

@@ -62,7 +62,7 @@ class Trajectory:
         return True
 
     def wait(self, reward: float, discount: float) -> None:
-        """Adds a step in which no behavior could drive: what it brought is due to the decision before, if there was one."""
+        """Adds a step in which no behavior could drive: its reward is credited to the decision before, if there was one."""
         if self.drivers:
             self.rewards[-1] += self.discounts[-1] * reward
             self.discounts[-1] *= discount

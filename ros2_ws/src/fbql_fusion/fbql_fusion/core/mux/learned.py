@@ -1,9 +1,9 @@
-"""A mux whose choice among ordinary sources is learned. The rules of `Mux` hold all the same: what is learned chooses only among the
-sources that they leave, and never over one at or above `safety_priority`.
+"""A mux whose choice among ordinary sources is learned. The rules of `Mux` still hold: the learner chooses only among the sources
+that they leave, and never overrules one at or above `safety_priority`.
 
 At each tick a decision is made on a snapshot of what is known then. The source that it names drives until the next tick: its commands
-are passed on when they arrive, and the last one before the tick with the tick, if it had not been passed on. So each command is
-passed on at most once, and only while its source may drive.
+are passed on when they arrive, and the last one before the tick is passed on at the tick, if it has not been passed on yet. So each
+command is passed on at most once, and only while its source may drive.
 
 As in `Mux`, the caller passes the time; at a tick as a clock, because learning, which takes time, may come before a decision.
 """
@@ -25,7 +25,7 @@ from fbql_fusion.core.mux_session import MuxSession
 from fbql_fusion.core.tasks.twist.answers import SourceLeaves
 
 SILENT_NS = 1_000_000_000
-"""A source without a timeout counts as silent after this, where it is learned whom to follow [ns]."""
+"""In a mux that learns, a source without a timeout counts as silent after this [ns]."""
 _NS = 1e9
 
 Clock = Callable[[], tuple[int, int]]
@@ -33,23 +33,23 @@ Clock = Callable[[], tuple[int, int]]
 
 
 class Ticked(NamedTuple):
-    """What a tick decided, and what is to be published because of it."""
+    """The decision of a tick, and what to publish because of it."""
 
     decision: MuxDecision
     pass_on: int | None = None
-    """The source whose last command is to be passed on now."""
+    """The source whose last command is passed on now, if there is one."""
     send: Twist | None = None
     """A command to send: a blend, or 0 because an episode ended."""
 
 
 class LearnedMux:
-    """Chooses by a session.
+    """Lets a session choose the source that drives.
 
     Args:
         mux: knows the sources and locks, and their rules.
         session: decides; its behaviors name the sources that it chooses among.
         robot: its axes and observations.
-        safety_priority: sources at or above it are not chosen: they win.
+        safety_priority: sources at or above it drive by the rules of `Mux` alone.
         segment_s: see `LearnedMuxParameters`.
     """
 
@@ -77,13 +77,13 @@ class LearnedMux:
         self._episode = -1
         self._step = -1
         self.has_episodes = False
-        """Whether somebody says when episodes end; otherwise they are cut after segment_s."""
+        """Whether somebody publishes when episodes end; otherwise they are cut off after segment_s."""
         self.is_done = False
         """Whether all episodes that were asked for have been played: there are no further decisions."""
 
     @property
     def session(self) -> MuxSession:
-        """What decides."""
+        """The session that decides."""
         return self._session
 
     def hear(self, index: int, command: Twist, now_ns: int) -> bool:
@@ -106,8 +106,8 @@ class LearnedMux:
         self._heard_ns[place] = now_ns
 
     def hear_outcome(self, outcome: RobotOutcome) -> None:
-        """Takes what was achieved; it counts for the time before the next tick. What comes between the end of an episode and the first
-        tick of the next counts for neither."""
+        """Takes an outcome; it counts for the time before the next tick. One received between the end of an episode and the first tick
+        of the next episode counts for neither."""
         self.has_episodes = True
         self._outcomes.append(outcome)
 
@@ -118,7 +118,8 @@ class LearnedMux:
     def tick(self, clock: Clock) -> list[Ticked]:
         """Decides who drives from now on.
 
-        A tick at which an episode is cut has two decisions: one that ends it, on which nobody drives, and the first of the next.
+        A tick at which an episode is cut off has two decisions: the one that ends it, after which nobody drives, and the first of the
+        next episode.
 
         Args:
             clock: read when what is learned between two episodes has been learned.

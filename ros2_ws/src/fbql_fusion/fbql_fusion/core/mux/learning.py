@@ -1,4 +1,4 @@
-"""What a mux that learns is made of: its parameters in one place, and the session that they describe."""
+"""The complete parameters of a mux that may learn, and the session that they describe."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from fbql_fusion.core.tasks.twist.parameters import MuxLearningParameters
 from fbql_fusion.core.tasks.twist.task import MuxTask
 
 NODE = "twist_mux"
-"""The name of the node, under which its parameters are recorded."""
+"""The node's name, under which its parameters are recorded."""
 GROUPS: dict[str, type[Any]] = {
     "topics": SourceParameters,
     "locks": LockParameters,
@@ -109,8 +109,8 @@ def session_of(mux: MuxDescription, policy: Policy | None) -> MuxSession:
             )
         if name not in ordinary:
             raise BadInput(
-                f"parameter 'behaviors' has '{name}', whose priority is {rank(sources[name])}: one to choose among is above 0 and "
-                f"below safety_priority ({safety})"
+                f"parameter 'behaviors' has '{name}', whose priority is {rank(sources[name])}; it must be above 0 and "
+                f"below safety_priority ({safety}) to be chosen"
             )
     robot = mux.robot
     conditions = [_condition(name, mux.topics[name], robot) for name in names]

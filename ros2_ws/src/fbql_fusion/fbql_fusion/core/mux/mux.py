@@ -75,7 +75,7 @@ class _Entry:
     on: bool = False
 
     def expired(self, now_ns: int) -> bool:
-        """Whether it was silent for too long. A reception in the future, on a clock that was set back, is no sign of life."""
+        """Whether it was silent for too long. A reception in the future, on a clock that was set back, does not count."""
         if self.timeout_ns is None:
             return False
         return self.heard_ns is None or not 0 <= now_ns - self.heard_ns <= self.timeout_ns
@@ -90,7 +90,7 @@ class Mux:
         self._locks = [_Entry(rank(lock), timeout_ns(lock)) for lock in config.locks]
         drivers = [index for index, source in enumerate(self._sources) if source.rank > 0]
         self._order = sorted(drivers, key=lambda index: -self._sources[index].rank)
-        """Those that may drive at all, the highest priority first; equals stay in order."""
+        """Those that may ever drive, the highest priority first; equals stay in order."""
         self._last: int | None = None
         """The source whose command was passed on last."""
         self._zero_ns: int | None = None

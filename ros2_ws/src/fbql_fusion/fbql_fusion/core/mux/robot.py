@@ -1,4 +1,4 @@
-"""What a mux that learns knows of its robot: the axes of its commands and its observations, in groups."""
+"""What a mux that learns knows about its robot: the axes of its commands, and its observations in groups."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from fbql_fusion.core.mux.parameters import AxisParameters, ObservationParameter
 FIELDS = ("linear.x", "linear.y", "linear.z", "angular.x", "angular.y", "angular.z")
 """The fields of geometry_msgs/Twist, in the order of `Twist`."""
 NAMES = tuple(field.replace(".", "_") for field in FIELDS)
-"""The same as names of parameters: rcl misreads a name with a dot in a file."""
+"""The same as parameter names, without dots: rcl misreads a name with a dot in a file."""
 DEFAULT_AXES = {"linear_x": AxisParameters(-1.0, 1.0, 5), "angular_z": AxisParameters(-2.0, 2.0, 5)}
-"""Those of a robot with a differential drive, where none are given."""
+"""The axes if none are given: those of a differential drive."""
 _NS = 1_000_000_000
 
 
@@ -83,7 +83,7 @@ def robot_of(axes: Mapping[str, AxisParameters], observations: Mapping[str, Obse
     for name in sorted(given, key=lambda name: NAMES.index(name) if name in NAMES else -1):
         each, unit = given[name], "m/s" if name.startswith("linear") else "rad/s"
         if name not in NAMES:
-            raise BadInput(f"parameter 'axes.{name}': no axis of a Twist; choose {', '.join(NAMES)}")
+            raise BadInput(f"parameter 'axes.{name}': not an axis of a Twist; choose one of: {', '.join(NAMES)}")
         if not each.low < each.high:
             raise BadInput(f"parameter 'axes.{name}.low' is {each.low:g}, not below 'high' ({each.high:g})")
         found.append(Axis(FIELDS[NAMES.index(name)], unit, each.low, each.high, each.levels))

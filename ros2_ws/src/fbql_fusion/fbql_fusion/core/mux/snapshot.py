@@ -1,4 +1,4 @@
-"""A decision of a mux with the snapshot that it was made on, and the snapshot of such a decision: what verification starts from."""
+"""Packs the snapshot that a decision of a mux was based on into its message, and unpacks it again, as verification needs it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fbql_fusion.core.tasks.twist.moment import MuxMoment
 
 
 class Snapshot(NamedTuple):
-    """What a decision depends on, and what else was known."""
+    """What a decision depends on, and what else was known at that moment."""
 
     stamp_ns: int
     episode: int
@@ -26,7 +26,7 @@ class Snapshot(NamedTuple):
     truncated: bool
     outcome: str
     observed: tuple[float, ...]
-    """Group by group; NaN where one is not known."""
+    """Group by group; NaN where one is unknown."""
     active: tuple[bool, ...]
     commands: tuple[float, ...]
     """Of each source, a value per axis; 0 before the first."""
@@ -35,7 +35,7 @@ class Snapshot(NamedTuple):
     overruled_by: str
 
     def moment(self, lengths: Sequence[int]) -> MuxMoment:
-        """The moment of the task; a group of which a part is not known is not known."""
+        """The moment of the task; a group with an unknown part is unknown."""
         groups = [self.observed[end - length : end] for end, length in zip(accumulate(lengths), lengths, strict=True)]
         observed = tuple(() if any(map(isnan, group)) else group for group in groups)
         return MuxMoment(
@@ -48,7 +48,7 @@ class Snapshot(NamedTuple):
         return [leaves.answer(self.commands[axes * i : axes * (i + 1)], active) for i, active in enumerate(self.active)]
 
     def decided(self, decision: Decision, command: Command) -> MuxDecision:
-        """The message of a decision that was made on this snapshot."""
+        """The message of a decision based on this snapshot."""
         return MuxDecision(
             *decision,
             self.terminated,

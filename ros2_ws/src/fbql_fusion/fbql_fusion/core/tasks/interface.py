@@ -1,6 +1,6 @@
-"""A task as fusion sees it: moments, answers, a reward and outcomes. Which task it is, fusion does not know.
+"""A task as fusion sees it: moments, answers, a reward and outcomes. Fusion does not know which task it is.
 
-Soccer is one task (`core.tasks.soccer`); a task of your own implements `Task`, and gets sessions, learners and policies.
+Soccer is one task (`core.tasks.soccer`). Your own task implements `Task`, and sessions, learners and policies then work with it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 
 class Moment(Protocol):
-    """One point in time at which something is decided: what the task reports."""
+    """One point in time at which something is decided, as the task reports it."""
 
     @property
     def stamp_ns(self) -> int:
@@ -43,7 +43,7 @@ class Moment(Protocol):
 
     @property
     def ended(self) -> bool:
-        """For either reason."""
+        """Whether the episode ended, for either reason."""
         ...
 
 
@@ -67,7 +67,7 @@ class Answer(Protocol):
 
     @property
     def tree_hash(self) -> str:
-        """SHA-256 of what makes the leaves: a policy belongs to it."""
+        """SHA-256 of whatever defines the leaves; a policy belongs to it."""
         ...
 
     @property
@@ -82,7 +82,7 @@ class Answer(Protocol):
 
     @property
     def active(self) -> bool:
-        """Whether it may drive. False for a source that is silent, or masked: it answers, with a leaf for that."""
+        """Whether it may drive. A source that is silent or masked still answers, with a leaf of its own and False."""
         ...
 
 
@@ -99,7 +99,7 @@ class Outcome(NamedTuple):
 
 
 class Guide(Protocol):
-    """Who would drive now, without learning: the baseline, the driver of the guided episodes, and a prior."""
+    """Chooses a driver without learning: a baseline, the driver of guided episodes, and a prior."""
 
     def driver(self, moment: Any, answers: Answers, /) -> int:
         """Index of the behavior that would drive; DRIVER_BLEND if none can."""
@@ -125,20 +125,20 @@ class Task[M: Moment, C, R](Protocol):
         ...
 
     def observed(self, moment: M, answers: Answers, /) -> tuple[tuple[float, ...], ...]:
-        """What is sensed, in groups of numbers; empty where one is not known."""
+        """The observations, in groups of numbers; a group that is unknown is empty."""
         ...
 
     @property
     def observed_lengths(self) -> tuple[int, ...] | None:
-        """How many numbers each group has; None: one group for each behavior, whose length shows when it answers."""
+        """How many numbers each group has; None: one group per behavior, whose length is known once it has answered."""
         ...
 
     def reward(self, moment: M, /) -> float:
-        """The reward of the transition that ended in a moment, whose events are counted."""
+        """The reward of the transition that ended at a moment. Counts that moment's events."""
         ...
 
     def outcome(self, moment: M, /) -> Outcome:
-        """How the episode ended in a moment."""
+        """How the episode ended at a moment."""
         ...
 
     def command(self, moment: M, command: Command, /) -> C:
@@ -146,7 +146,7 @@ class Task[M: Moment, C, R](Protocol):
         ...
 
     def digest_bytes(self, moment: M, command: Command, /) -> bytes:
-        """What the digest takes of a moment and its command."""
+        """The bytes of a moment and its command that go into the digest."""
         ...
 
     def critic_inputs(self, moment: M, mirror: bool, /) -> tuple[float, ...]:
@@ -160,19 +160,19 @@ class Task[M: Moment, C, R](Protocol):
         ...
 
     def record(self, episode: Episode, moment: M, /) -> R:
-        """The record of an episode that ended in a moment."""
+        """The record of an episode that ended at a moment."""
         ...
 
 
 class Imagined(NamedTuple):
-    """E episodes that were imagined, with N decisions in all, one after another."""
+    """E imagined episodes with N decisions in all, one after the other."""
 
     lengths: NDArray[np.int64]
     """Decisions of each episode, [E]."""
     terminated: NDArray[np.bool_]
-    """Whether it ended so that nothing follows; False at a time limit. [E]"""
+    """Whether each was terminated; False at a time limit, [E]."""
     rows: NDArray[np.int64]
-    """Features of each episode's decisions and then of the situation that it ended in, with those of the critic,
+    """Features of each episode's decisions, and then of the situation that it ended in, those of the critic included,
     [N + E, F + F']."""
     drivers: NDArray[np.int64]
     """The behavior that drove after each decision, [N]."""
@@ -187,7 +187,7 @@ class Imagined(NamedTuple):
 class Imagination(Protocol):
     """A model of a task, fitted to the real steps so far, in which episodes can be played.
 
-    A real episode is told by `begin`, then `add` for every step; one of which a step is missing is forgotten.
+    A real episode is given by `begin`, then `add` for every step. An episode with a missing step is dropped.
     """
 
     @property
@@ -200,7 +200,7 @@ class Imagination(Protocol):
         ...
 
     def add(self, command: Command, moment: Any, /) -> None:
-        """The command that was given, and the moment to which it led."""
+        """Adds a step: the command that was given, and the moment to which it led."""
         ...
 
     def forget_episode(self) -> None:
@@ -211,7 +211,7 @@ class Imagination(Protocol):
         """Fits the model to the real episodes that have ended. False if they are too few: nothing can be imagined.
 
         Args:
-            features: `learners.features.Features`, by which imagined situations are distinguished.
+            features: `learners.features.Features`, which distinguish the imagined situations.
         """
         ...
 
@@ -241,7 +241,7 @@ class Imagination(Protocol):
 
 
 class Episode(NamedTuple):
-    """What the session knows of an episode that ended."""
+    """What the session knows about an episode that ended."""
 
     number: int
     phase: Any

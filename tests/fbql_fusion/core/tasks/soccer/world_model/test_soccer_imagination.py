@@ -53,8 +53,8 @@ def played(episodes: int, policy: Policy | None = None, skip: int = 0, **changes
     ("trees", "words"),
     [
         (PLAYING, ""),
-        ([], "the trees of the behaviors are not known to it"),
-        (PLAYING[:2], "the trees of the behaviors are not known to it"),
+        ([], "it does not know the trees of the behaviors"),
+        (PLAYING[:2], "it does not know the trees of the behaviors"),
         (
             [*PLAYING[:2], PlayingTree("shooting", PLAYING[2].parts)],
             "what behavior 'approaching' senses (shooting) is not one of ball_seeking, wall_avoiding, approaching",
@@ -64,7 +64,7 @@ def played(episodes: int, policy: Policy | None = None, skip: int = 0, **changes
 def test_what_can_not_be_imagined_is_named(trees: list[PlayingTree], words: str) -> None:
     assert why_not_imagined(NAMES, trees) == words
     line = plays_instead(FEW, trees)
-    assert line == (f"fbql_model can't imagine episodes, and fbql learns in its place: {words}" if words else "")
+    assert line == (f"fbql_model can't imagine episodes, so fbql learns in its place: {words}" if words else "")
     session = SoccerSession(FEW, None, trees)
     assert isinstance(session._controller, FbqlModel) == (not words)
     assert plays_instead(replace(FEW, learn=False), trees) == "", "frozen, it imagines nothing"

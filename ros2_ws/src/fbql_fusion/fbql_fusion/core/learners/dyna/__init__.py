@@ -1,1 +1,1 @@
-"""`fbql_model`: the method of `fbql` in imagined episodes (Dyna)."""
+"""`fbql_model`: the update of `fbql` in imagined episodes (Dyna)."""

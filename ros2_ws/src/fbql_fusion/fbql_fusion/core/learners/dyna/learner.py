@@ -1,12 +1,12 @@
 """The learner `fbql_model`: the update of `fbql`, eqs. 10 to 15, in episodes that a learned model imagines.
 
 This is Dyna (Sutton 1990, Integrated Architectures for Learning, Planning, and Reacting): a model of the task is fitted
-to the real steps so far, the learner is trained in it, and what it has learned plays in reality. Real episodes teach the
-model and nothing else, so reality is played by the largest weight, without exploration.
+to the real steps so far, the learner is trained in it, and the trained policy plays in reality. Real episodes teach only the
+model, so in reality the largest weight drives, without exploration.
 
 - After the guided episodes: the warm start of `fbql`, then many imagined episodes (`fbql_model_first_episodes`).
-- After every `fbql_model_refit_episodes` real episodes: a new model of all data, and some more of them.
-- Always between two episodes. The model, like the task, is not known here: see `tasks.interface.Imagination`.
+- After every `fbql_model_refit_episodes` real episodes: a new model of all data, and more imagined episodes.
+- Always between two episodes. The learner knows neither the task nor the model: see `tasks.interface.Imagination`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from fbql_fusion.core.tasks.interface import Answers, Guide, Imagination, Task
 
 _NEVER = -1
 _OWN = {"imagined_at": ("i", (1,)), "imagination_generator": ("u", (6,))}
-"""Kind and shape of the arrays that its policies have beside those of `Ppo` and of the imagination."""
+"""Kind and shape of the arrays that its policies have in addition to those of `Ppo` and of the imagination."""
 
 
 class FbqlModel(Ppo):
@@ -63,7 +63,7 @@ class FbqlModel(Ppo):
         self._has_begun = False
         """Whether its first moment was seen."""
         self._command: Command | None = None
-        """The command that led to the moment that is decided next; None if that is not known."""
+        """The command that led to the moment that is decided next; None if unknown."""
 
     def begin_episode(self, phase: Phase) -> None:
         """See `Controller`."""
@@ -95,7 +95,7 @@ class FbqlModel(Ppo):
         super().hold(moment, transition)
 
     def _keep(self, moment: Any, answers: Answers) -> None:
-        """Adds the step that led to a moment to the data; one that is not known ends the data of this episode."""
+        """Adds the step that led to a moment to the data; an unknown step ends the data of this episode."""
         if not self._has_begun:
             self._has_begun = True
             self._check_trees(answers)
@@ -108,13 +108,13 @@ class FbqlModel(Ppo):
         self._command = None
 
     def _check_trees(self, answers: Answers) -> None:
-        """Raises BadInput where another tree answers than the one that imagined episodes would be played with."""
+        """Raises BadInput if a behavior answers with another tree than it would have in imagined episodes."""
         for name, expected, answer in zip(
             self._parameters.behaviors, self._imagination.tree_hashes, answers, strict=True
         ):
             if answer is not None and answer.tree_hash != expected:
                 raise BadInput(
-                    f"fbql_model would imagine with another tree of {name} (SHA-256 {expected[:12]}) than the one that "
+                    f"the tree of {name} that fbql_model would imagine with (SHA-256 {expected[:12]}) is not the one that "
                     f"answers ({answer.tree_hash[:12]}); give it the trees that play"
                 )
 
@@ -176,6 +176,6 @@ class FbqlModel(Ppo):
         super().load_arrays({name: array for name, array in arrays.items() if name not in own})
         (self._imagined_at,) = arrays["imagined_at"].tolist()
         if not _NEVER <= self._imagined_at <= self._episodes:
-            raise BadInput(f"the policy's array 'imagined_at' is {self._imagined_at}, which can't be")
+            raise BadInput(f"the policy's array 'imagined_at' is {self._imagined_at}, which is impossible")
         set_generator_state(self._imagination_generator, arrays["imagination_generator"])
         self._imagination.load_arrays(arrays)

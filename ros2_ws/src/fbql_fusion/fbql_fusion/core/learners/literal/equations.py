@@ -79,7 +79,7 @@ def bounded_weights(
     gain_low: float,
     gain_high: float,
 ) -> tuple[float, ...]:
-    """Eq. 6 with delta (Q + f) bounded to [gain_low, gain_high], before normalising.
+    """Eq. 6 with delta (Q + f) bounded to [gain_low, gain_high], before normalizing.
 
     With [0, 1] weights within [0, 1] stay there.
     """

@@ -38,7 +38,7 @@ class FbqlLiteral:
         self._weight_floor = parameters.weight_floor
 
     def begin_episode(self, phase: Phase) -> None:
-        """Nothing is remembered from one step to the next."""
+        """Does nothing: nothing is remembered from one step to the next."""
 
     def select(self, moment: Any, joint_state: JointState, answers: Answers) -> Selection:
         """The joint state's own weights. With a leaf missing there is no joint state: every behavior weighs the

@@ -1,1 +1,1 @@
-"""`fbql`: proximal policy optimisation over tile-coded features, eqs. 10 to 15."""
+"""`fbql`: proximal policy optimization over tile-coded features, eqs. 10 to 15."""

@@ -1,4 +1,4 @@
-"""Equations 10 to 15: proximal policy optimisation (PPO) with generalised advantage estimation (GAE). Pure functions.
+"""Equations 10 to 15: proximal policy optimization (PPO) with generalized advantage estimation (GAE). Pure functions.
 
 PPO's clipped surrogate objective is from Schulman et al. 2017, Proximal Policy Optimization Algorithms (arXiv 1707.06347);
 GAE from Schulman et al. 2016, High-Dimensional Continuous Control Using Generalized Advantage Estimation (arXiv
@@ -49,7 +49,7 @@ class Batch(NamedTuple):
     old_probs: Floats
     """The weights by which they were drawn, [N]."""
     advantages: Floats
-    """A of eq. 13, [N]: normalised where the weights learn from it."""
+    """A of eq. 13, [N]: normalized where the weights learn from it."""
     lambda_returns: Floats
     """A + V, the critic's targets, [N]."""
 
@@ -174,7 +174,7 @@ def clipped_surrogate_step(
         weights: w of eq. 10 now, [N, n].
         drawn: the behavior that drove, [N].
         old_prob: the weight by which it was drawn then, [N]; rho = w_drawn / old_prob.
-        advantage: A, normalised, [N].
+        advantage: A, normalized, [N].
 
     Returns:
         The step of the preferences, [N, n].

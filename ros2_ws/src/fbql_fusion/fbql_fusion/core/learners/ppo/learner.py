@@ -1,15 +1,15 @@
-"""The learner `fbql`: proximal policy optimisation (PPO; Schulman et al. 2017, arXiv 1707.06347) over tile-coded features.
+"""The learner `fbql`: proximal policy optimization (PPO; Schulman et al. 2017, arXiv 1707.06347) over tile-coded features.
 
 - The policy: a softmax of preferences, linear in tile-coded features, draws one behavior, which drives for several steps:
   an option of a semi-Markov decision process (Sutton, Precup & Singh 1999).
-- The critic is asymmetric (Pinto et al. 2018, arXiv 1710.06542): it also sees what only the task knows. Its
+- The critic is asymmetric (Pinto et al. 2018, arXiv 1710.06542): it also sees inputs that only the task knows. Its
   advantages are GAE's (Schulman et al. 2016, arXiv 1506.02438).
-- Warm start: behavioral cloning of the guide, such as Subsumption, in the guided episodes; or the guide as a prior: one more
-  feature, which behavior the guide would choose, whose preference for it starts at kappa (`fbql_prior`).
+- Warm start: behavioral cloning of the guide, such as Subsumption, in the guided episodes; or the guide as a prior: the
+  behavior that it would choose is one more feature, whose preference for that behavior starts at kappa (`fbql_prior`).
 
-What is kept of the paper's FBQL: behaviors side by side, a weight for each, learned in the joint state from sparse
-rewards, guided episodes first. What is replaced: eq. 5's shared target, by a critic of the state and the credit of the
-behavior that drove; eq. 6's jump of the argmax, by a gradient; the table, by features. docs/fusion.md explains why.
+Kept from the paper's FBQL: behaviors side by side, a weight for each, learned in the joint state from sparse rewards,
+guided episodes first. Replaced: eq. 5's shared target, by a critic of the state and credit for the behavior that drove;
+eq. 6's jump of the argmax, by a gradient; the table, by features. docs/fusion.md explains why.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def holding_of(
 
 
 def batch_of_imagined(imagined: Imagined, value: Floats, trace: float, active_features: int, behaviors: int) -> Batch:
-    """The same of episodes that were imagined, in which every behavior may drive. `behaviors` is n."""
+    """The same for imagined episodes, in which every behavior may drive. `behaviors` is n."""
     values = value_sums(value, imagined.rows)
     ends = np.cumsum(imagined.lengths + 1) - 1
     """The rows of the situations in which the episodes ended."""

@@ -4,9 +4,9 @@ Weights follow a learned Q.
 It is TD(lambda) (Sutton & Barto, 12) for action values that are linear in tile-coded features, on the trajectories of a
 softmax policy.
 
-What is kept of the paper's FBQL: a Q for each behavior, the bootstrap of eq. 5, weights that follow Q, guided episodes
-first. What is replaced: the reward that eq. 5 shares out by weights, by the whole reward for the behavior that drove; eq.
-6's jump of the argmax, by a soft maximum; the table, by features that add up. docs/fusion.md explains why.
+Kept from the paper's FBQL: a Q for each behavior, the bootstrap of eq. 5, weights that follow Q, guided episodes first.
+Replaced: the reward that eq. 5 shares out by weights, by the whole reward for the behavior that drove; eq. 6's jump of
+the argmax, by a soft maximum; the table, by features that add up. docs/fusion.md explains why.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ class SoccerTask:
         self._collision_steps = 0
 
     def begin_episode(self) -> None:
-        """No collision yet."""
+        """Starts with no collision counted."""
         self._collisions_begun = 0
         self._collision_steps = 0
 
@@ -43,7 +43,7 @@ class SoccerTask:
         return tuple([() if x is None else x.observation for x in answers])
 
     def reward(self, world: World) -> float:
-        """Of a collision that begins, and of a goal."""
+        """The rewards of a collision that begins and of a goal, added up."""
         reward = 0.0
         if world.collision:
             self._collision_steps += 1

@@ -21,7 +21,7 @@ class SourceAnswer(NamedTuple):
     active: bool
     clamped: bool = False
     observation: tuple[float, ...] = ()
-    """Nothing: what is sensed belongs to the moment."""
+    """Empty: the observations belong to the moment."""
 
 
 class SourceLeaves:
@@ -38,7 +38,7 @@ class SourceLeaves:
         self.silent = classes
         """The leaf of a source that may not drive."""
         self.hash = hashlib.sha256(json.dumps([*space.axes]).encode()).hexdigest()
-        """SHA-256 of what makes the leaves."""
+        """SHA-256 of whatever defines the leaves."""
         self._no_answer = SourceAnswer(self._standstill, self.silent, self.count, self.hash, active=False)
 
     def leaf(self, command: Sequence[float]) -> int:

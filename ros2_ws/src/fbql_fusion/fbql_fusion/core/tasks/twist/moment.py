@@ -12,16 +12,15 @@ class MuxMoment(NamedTuple):
     episode: int
     step: int
     observed: tuple[tuple[float, ...], ...]
-    """What the robot senses, in groups: what belongs together, such as distance and bearing of a point. A group that is not known
-    is empty."""
+    """The observations, in groups that belong together, such as the distance and bearing of a point. An unknown group is empty."""
     reward: float = 0.0
-    """Of the time since the moment before."""
+    """Received since the moment before."""
     terminated: bool = False
     truncated: bool = False
     outcome: str = ""
     """How the episode ended; see `MuxTask.outcome`."""
     critic_inputs: tuple[float, ...] = ()
-    """What only the critic is told, see `MuxTask`."""
+    """Inputs that only the critic sees, see `MuxTask`."""
 
     @property
     def ended(self) -> bool:

@@ -37,19 +37,19 @@ class MuxTask:
         self.critic_widths = tuple(tuple(group) for group in critic_widths)
 
     def begin_episode(self) -> None:
-        """Nothing is counted."""
+        """Does nothing: there is nothing to count."""
 
     def observed(self, moment: MuxMoment, answers: Answers) -> tuple[tuple[float, ...], ...]:
         """The moment's own groups."""
         return moment.observed
 
     def reward(self, moment: MuxMoment) -> float:
-        """As it was received."""
+        """The reward, as it was received."""
         return moment.reward
 
     def outcome(self, moment: MuxMoment) -> Outcome:
-        """A terminated episode ended with the word that was received; only "success" is a success. Without a word it is a failure.
-        All others ended by a timeout."""
+        """A terminated episode ends with the word that was received; only "success" is a success, and no word is a failure. Any other
+        episode ends by a timeout."""
         if not moment.terminated:
             return Outcome(TIMEOUT, False)
         name = moment.outcome or FAILURE
@@ -65,11 +65,11 @@ class MuxTask:
         return pack(f"<qq{len(numbers)}d", moment.episode, moment.step, *numbers)
 
     def critic_inputs(self, moment: MuxMoment, mirror: bool) -> tuple[float, ...]:
-        """As they were given; they have no mirror."""
+        """The critic's inputs as they were given; they have no mirror image."""
         return moment.critic_inputs
 
     def record(self, episode: Episode, moment: MuxMoment) -> EpisodeRecord:
-        """The row of an episode. The outcome "collision" counts as a collision that began; others are not known."""
+        """The row of an episode. The outcome "collision" counts as a collision that began; other collisions are unknown."""
         outcome = episode.outcome.name
         return EpisodeRecord(
             episode.number,

@@ -19,11 +19,11 @@ the robot's, the robot's next speed and turn rate, the distance that the closest
 WALL_INPUTS = 3
 """Inputs of the forest near a wall: the distance that a free ball would have next, its speed off the wall and along it."""
 OUTPUTS = 4
-"""Outputs of both: what velocity and displacement differ by from those of a free ball, two components each."""
+"""Outputs of both: the differences of velocity and displacement from those of a free ball, two components each."""
 
 
 class BallMotion(NamedTuple):
-    """What the ball does in a step, in some frame."""
+    """The motion of the ball in one step, in some frame."""
 
     change_x_m_s: float
     change_y_m_s: float
@@ -37,12 +37,12 @@ class Rolling(NamedTuple):
     keep: float
     """Share of its velocity that it keeps in a step."""
     travel_s: float
-    """Displacement per velocity."""
+    """Displacement in a step, per velocity [s]."""
 
 
 @kernel
 def ball_near(forest: Forest, tree: int, x: Floats) -> BallMotion:
-    """Eq. 24: what one tree predicts that the robot, or a wall, changes in the motion of a free ball.
+    """Eq. 24: how the robot or a wall changes the motion of a free ball, as one tree predicts it.
 
     Args:
         x: ROBOT_INPUTS numbers in the robot's next frame, or WALL_INPUTS numbers in the wall's.

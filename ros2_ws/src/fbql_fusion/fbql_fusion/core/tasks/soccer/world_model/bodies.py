@@ -1,4 +1,4 @@
-"""Eq. 27: the known sizes keep robot, ball and walls out of each other. Pure functions of places [m] and headings [rad].
+"""Eq. 27: the known sizes keep robot, ball and walls from overlapping. Pure functions of places [m] and headings [rad].
 
 The robot is a square, the ball a circle. What overlaps is moved apart along the shortest way; velocities stay.
 """
@@ -14,12 +14,12 @@ from fbql_common.core.walls import CORNER, HALF_LENGTH, HALF_WIDTH, closest_wall
 _HALF = ROBOT_SIDE_M / 2
 _RADIUS = BALL_RADIUS_M
 ROBOT_REACH_M = _HALF * sqrt(2.0)
-"""Nothing farther from the robot's centre touches it."""
+"""Nothing farther from the robot's center touches it."""
 TOUCH_M = ROBOT_REACH_M + _RADIUS
-"""The ball and the robot do not touch if their centres are farther from each other."""
+"""The ball and the robot do not touch if their centers are farther from each other."""
 _ROOT_HALF = sqrt(0.5)
 _CORNERS = 2
-"""Walls that can meet: so often a body is moved off the closest one."""
+"""How often a body is moved off the closest wall: the number of walls that can meet."""
 
 
 @kernel
@@ -31,7 +31,7 @@ def room(x_m: float, y_m: float) -> float:
 
 @kernel
 def ball_off_walls(x_m: float, y_m: float) -> tuple[float, float]:
-    """The ball's centre, moved until the ball no longer overlaps a wall."""
+    """The ball's center, moved until the ball no longer overlaps a wall."""
     if room(x_m, y_m) >= _RADIUS:
         return x_m, y_m
     for _ in range(_CORNERS):
@@ -46,7 +46,7 @@ def ball_off_walls(x_m: float, y_m: float) -> tuple[float, float]:
 
 @kernel
 def robot_off_walls(x_m: float, y_m: float, cosine: float, sine: float) -> tuple[float, float]:
-    """The robot's centre, moved until the robot no longer overlaps a wall.
+    """The robot's center, moved until the robot no longer overlaps a wall.
 
     Args:
         cosine, sine: of its heading.
@@ -66,7 +66,7 @@ def robot_off_walls(x_m: float, y_m: float, cosine: float, sine: float) -> tuple
 
 @kernel
 def ball_off_robot(x_m: float, y_m: float) -> tuple[float, float]:
-    """The ball's centre in the robot's frame, moved until the ball no longer overlaps the robot."""
+    """The ball's center in the robot's frame, moved until the ball no longer overlaps the robot."""
     near_x = min(max(x_m, -_HALF), _HALF)
     near_y = min(max(y_m, -_HALF), _HALF)
     dx, dy = x_m - near_x, y_m - near_y
@@ -76,7 +76,7 @@ def ball_off_robot(x_m: float, y_m: float) -> tuple[float, float]:
     if squared > 0.0:
         scale = _RADIUS / sqrt(squared)
         return near_x + dx * scale, near_y + dy * scale
-    # the centre is in the square: out at the nearest side
+    # the center is in the square: out at the nearest side
     if abs(x_m) >= abs(y_m):
         return (_HALF + _RADIUS if x_m >= 0.0 else -_HALF - _RADIUS), y_m
     return x_m, (_HALF + _RADIUS if y_m >= 0.0 else -_HALF - _RADIUS)

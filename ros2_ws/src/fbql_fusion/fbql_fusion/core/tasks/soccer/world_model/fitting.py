@@ -20,14 +20,15 @@ from fbql_fusion.core.tasks.soccer.world_model.real_steps import RealSteps, Tran
 from fbql_fusion.core.tasks.soccer.world_model.robot import Wheels, fit_wheels
 
 LEAST_STEPS = 100
-"""Real steps without which there is nothing to fit."""
+"""The fewest real steps that a model is fitted to."""
 _FAR_QUANTILE = 0.995
 _RIDGE = 1e-9
 _EXCEEDS = 3.0
-"""A body is free where an error stays below so many times this quantile of those of bodies that are certainly free."""
+"""A body counts as free where its error stays below so many times this quantile of the errors of bodies that are certainly
+free."""
 _SETTLED_M_S, _FAST_M_S, _SETTLED_STEPS = 0.08, 0.3, 30
-"""A wheel has settled if its speed is so close to the commanded one; it is fast enough to measure from so much on; and an
-episode counts with so many such steps."""
+"""A wheel has settled if its speed is this close to the commanded one; from this speed on it is fast enough to measure; and an
+episode counts if it has this many such steps."""
 
 
 @kernel
@@ -205,7 +206,7 @@ def _free_motion(wheels: Wheels, speeds: Floats, errors: Floats) -> Floats:
 
 
 def _some(chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The chosen steps; all where none is."""
+    """The chosen steps, or all if none is chosen."""
     return chosen if chosen.any() else ~chosen
 
 
@@ -226,7 +227,7 @@ def _fit_whole(
 
 
 def least_squares(x: Floats, y: Floats) -> Floats:
-    """The weights w with the least square error of x w = y, hardly larger than need be; not by BLAS, which differs between
+    """The weights w with the least square error of x w = y, slightly regularized; not by BLAS, whose results differ between
     processors.
 
     Args:
@@ -250,7 +251,7 @@ def least_squares(x: Floats, y: Floats) -> Floats:
 
 
 def fitted_distance(distance: Floats, missed: Floats) -> float:
-    """The distance from which on the model of a free body holds: beyond it hardly any error exceeds what errors are far away.
+    """The distance from which on the model of a free body holds: beyond it, hardly any error is larger than those far away.
 
     Args:
         distance: to what may be near [m], [N].
@@ -264,7 +265,7 @@ def fitted_distance(distance: Floats, missed: Floats) -> float:
 
 
 def fitted_gap(real: Transitions) -> int:
-    """The steps without contact after which a contact counts as a new collision: the least seen before one; 1 if none was."""
+    """The steps without contact after which a contact counts as a new collision: the fewest seen before one, or 1 if none was."""
     gaps: list[int] = []
     for step in np.flatnonzero(real.collides).tolist():
         earlier = np.flatnonzero((real.touched[:step] > 0.0) & (real.episode[:step] == real.episode[step]))
@@ -274,7 +275,7 @@ def fitted_gap(real: Transitions) -> int:
 
 
 def fitted_gain_deviation(real: Transitions) -> float:
-    """The spread, over episodes and wheels, of the speed that a wheel reaches over the commanded one."""
+    """The spread, over episodes and wheels, of the ratio of a wheel's settled speed to the commanded one."""
     commanded, reached = WHEEL_RADIUS_M * real.commands, _wheels_of(real.after)
     settled = (np.abs(commanded - _wheels_of(real.before)) < _SETTLED_M_S) & (np.abs(commanded) > _FAST_M_S)
     gains: list[float] = []

@@ -1,4 +1,4 @@
-"""Extremely randomised trees (extra-trees; Geurts, Ernst & Wehenkel 2006, Machine Learning 63): regression with several outputs.
+"""Extremely randomized trees (extra-trees; Geurts, Ernst & Wehenkel 2006, Machine Learning 63): regression with several outputs.
 
 Every tree sees all rows. A node draws one threshold for each input between its least and its largest value there, and splits
 at the one that explains most of the outputs' variance. The prediction of one tree drawn at random has the spread of the data.
@@ -60,7 +60,7 @@ def _sums_interpreted(
 def sums_to_the_right(
     x: Floats, y: Floats, rows: NDArray[np.int64], thresholds: Floats
 ) -> tuple[NDArray[np.int64], Floats]:
-    """What lies right of each input's threshold: the number of rows, [d], and the sum of each output, [m, d].
+    """The rows to the right of each input's threshold: their number, [d], and the sum of each output, [m, d].
 
     Args:
         x, y: of all rows.
@@ -85,7 +85,7 @@ def sums_to_the_right(
 
 @kernel
 def split_gains(total: Floats, rows: int, counts: NDArray[np.int64], sums: Floats, least: int) -> Floats:
-    """Eq. 22: what each split explains of the outputs' variance: sum_k S_k^2 / N of the left part and of the right part.
+    """Eq. 22: how much of the outputs' variance each split explains: sum_k S_k^2 / N of the left part and of the right part.
 
     S_k is the sum of output k over a part, N the number of its rows.
 

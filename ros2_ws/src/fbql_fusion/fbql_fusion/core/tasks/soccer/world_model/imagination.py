@@ -1,4 +1,4 @@
-"""Imagined episodes: the policy plays in the world model, and every decision becomes data for the same update as real ones."""
+"""Imagined episodes: the policy plays in the world model, and its decisions go into the same update as real ones."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from fbql_fusion.core.tasks.soccer.world_model.team import SENSED, Team, Trees, 
 GOAL_X_M = FIELD.half_length_m + BALL_RADIUS_M
 """|x| from which the whole ball is past a goal line [m]."""
 TIMEOUT, GOAL, OWN_GOAL = range(3)
-"""What ended an imagined episode."""
+"""How an imagined episode ended."""
 _FASTEST = 10.0
-"""No speed of a state exceeds it [m/s], and no turn rate its tenfold [rad/s]: a bad model can't lead out of the numbers."""
+"""No speed of a state exceeds this [m/s], and no turn rate ten times this [rad/s], so that a bad model cannot diverge."""
 
 
 class Rewards(NamedTuple):
-    """What is rewarded."""
+    """The rewards of an episode."""
 
     goal: float
     own_goal: float
@@ -110,7 +110,7 @@ def draw_driver(
 
 @kernel
 def within_numbers(state: State) -> State:
-    """The state moved into the field's bounds and to speeds that can be."""
+    """The state, moved into the field's bounds and limited to possible speeds."""
     robot_x, robot_y, yaw, speed, rate, ball_x, ball_y, vx, vy = state
     return (
         min(max(robot_x, -POCKET), POCKET),
@@ -247,7 +247,7 @@ class ImaginedWorld:
     Args:
         model: fitted to `steps`.
         team: the behaviors.
-        features: of the policy; they get those that are met for the first time.
+        features: of the policy; those that are met for the first time are added.
         rewards: of an episode.
         steps: where episodes begin: at least one whole episode.
         parameters: of the imagination.

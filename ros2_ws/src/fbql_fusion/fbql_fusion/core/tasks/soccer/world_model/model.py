@@ -1,7 +1,7 @@
 """The world model: what is fitted to the real steps, and the step that it predicts.
 
-Two kinds. With structure (`regions`): robot and ball apart, each free or near something, eqs. 21 and 23 to 25. Without: one
-regression of the change of the whole state on state and command, by extra-trees, nearest neighbours or linear.
+There are two kinds. With structure (`regions`): robot and ball separately, each free or near something, eqs. 21 and 23 to 25.
+Without: one regression of the change of the whole state on state and command, by extra-trees, nearest neighbors or linear.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ REGIONS, FOREST, NEIGHBOURS, LINEAR = range(len(FAMILIES))
 
 
 class WorldModel(NamedTuple):
-    """What is fitted; the input of kernels."""
+    """The fitted model, as kernels take it."""
 
     family: int
     """Index in FAMILIES."""
@@ -88,12 +88,12 @@ EMPTY = WorldModel(
     no_forest(NEAR_OUTPUTS), no_forest(OUTPUTS), no_forest(OUTPUTS), Rolling(1.0, 0.0),
     no_forest(GENERIC_OUTPUTS), no_neighbours(GENERIC_INPUTS, GENERIC_OUTPUTS), 1, np.zeros((GENERIC_INPUTS + 1, GENERIC_OUTPUTS)), 0.0,
 )  # fmt: skip
-"""What the parts that a family does not use are."""
+"""The values of the parts that a family does not use."""
 
 
 @kernel
 def wrapped(angle_rad: float) -> float:
-    """The same direction in [-pi, pi]."""
+    """An angle as the same direction in [-pi, pi]."""
     return angle_rad - tau * floor((angle_rad + pi) / tau)
 
 
@@ -112,7 +112,7 @@ def next_state(
     spread of the real ones.
 
     Args:
-        command_left_m_s, command_right_m_s: the wheels' ground speeds that are commanded.
+        command_left_m_s, command_right_m_s: the commanded ground speeds of the wheels.
         scratch: SCRATCH numbers, overwritten.
         generator: of the draws.
     """

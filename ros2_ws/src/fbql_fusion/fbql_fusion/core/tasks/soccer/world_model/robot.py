@@ -1,6 +1,6 @@
 """Eqs. 21 and 23: how the robot follows a wheel command, free and near a wall. Pure functions.
 
-What is near is a correction of free motion, so that where nothing touches nothing is to be learned.
+A wall's effect is a correction of free motion, so that nothing has to be learned where nothing touches.
 
 A wheel's speed is along the ground [m/s]: that of the robot at the wheel, seen from its speed and turn rate.
 """
@@ -21,7 +21,7 @@ NEAR_INPUTS = 7
 """Inputs of the forest near a wall: speed and turn rate, and, if the robot moved freely, the next speed and turn rate, and the
 wall's next distance and the cosine and sine of its bearing."""
 NEAR_OUTPUTS = 6
-"""Its outputs: what displacement along and to the left, turn, speed and turn rate differ by from free motion, and contact."""
+"""Its outputs: the differences from free motion of the displacement along and to the left, turn, speed and turn rate; contact."""
 
 
 class Wheels(NamedTuple):
@@ -40,7 +40,7 @@ class Wheels(NamedTuple):
 
 
 class RobotMotion(NamedTuple):
-    """What the robot does in a step, in its frame before the step."""
+    """The motion of the robot in one step, in its frame before the step."""
 
     along_m: float
     left_m: float
@@ -93,11 +93,11 @@ def free_robot(wheels: Wheels, left: float, right: float, command_left: float, c
 
 @kernel
 def robot_near_wall(forest: Forest, tree: int, x: Floats, free: RobotMotion) -> RobotMotion:
-    """Eq. 23: free motion, and what one tree predicts that the wall changes in it.
+    """Eq. 23: free motion, corrected for the wall by the prediction of one tree.
 
     Args:
         x: NEAR_INPUTS numbers.
-        free: what eq. 21 predicts.
+        free: the prediction of eq. 21.
     """
     leaf = leaf_of(forest, tree, x)
     y = forest.outputs[leaf]
@@ -119,7 +119,7 @@ def fit_wheels(errors: Floats, changes: Floats, moved: Floats, after: Floats, bi
         changes: of its speed in the step [m/s], [N, 2].
         moved: displacement along the heading, to the left [m], and turn [rad], [N, 3].
         after: speed and turn rate after the step, [N, 2].
-        bins: in which the errors' quantiles part the steps.
+        bins: number of parts into which quantiles of the errors divide the steps.
     """
     x, y = errors.ravel(), changes.ravel()
     edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, bins + 1)[1:-1]))

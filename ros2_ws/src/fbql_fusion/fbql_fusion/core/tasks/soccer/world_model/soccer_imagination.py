@@ -1,4 +1,4 @@
-"""Imagined soccer: the world model behind the `Imagination` of a learner, and who can be imagined."""
+"""Imagined soccer: the world model behind a learner's `Imagination`, and which behaviors can be imagined."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def why_not_imagined(behaviors: Sequence[str], trees: Sequence[PlayingTree]) -> 
         trees: of the behaviors, in order; fewer where they are not known.
     """
     if len(trees) != len(behaviors):
-        return "the trees of the behaviors are not known to it"
+        return "it does not know the trees of the behaviors"
     for name, tree in zip(behaviors, trees, strict=True):
         if tree.senses not in SENSES:
             return f"what behavior '{name}' senses ({tree.senses}) is not one of {', '.join(SENSES)}"
@@ -48,7 +48,7 @@ class SoccerImagination:
         trees: of the behaviors, in order; empty if nothing is going to be imagined.
 
     Raises:
-        BadInput: a tree that is none.
+        BadInput: something that is not a tree.
     """
 
     def __init__(self, parameters: WorldModelParameters, rewards: Rewards, trees: Sequence[PlayingTree]) -> None:

@@ -18,7 +18,7 @@ from fbql_fusion.core.learners.linear import Floats
 from fbql_fusion.core.tasks.soccer.world_model.model import State, wrapped
 
 SENSES = {"ball_seeking": 0, "wall_avoiding": 1, "approaching": 2}
-"""The observations that can be imagined: those of the behaviors of this name."""
+"""The observations that can be imagined, by the names of their behaviors."""
 SENSED = 2
 """Numbers that each of them has."""
 _BALL, _WALL, _APPROACH = SENSES.values()
@@ -59,7 +59,7 @@ class Team:
         senses: the name in SENSES of what each of them senses, length n.
 
     Raises:
-        BadInput: a tree that is none.
+        BadInput: something that is not a tree.
     """
 
     def __init__(self, trees: Sequence[TreeParts], senses: Sequence[str]) -> None:
@@ -138,7 +138,7 @@ def leaf_id_of(trees: Trees, behavior: int, sensed: Floats) -> int:
 def sense(code: int, state: State, sensed: Floats, at: int) -> None:
     """Writes what a behavior senses of a state to `sensed`, from place `at` on.
 
-    It is what `fbql_behaviors.core.observation` has under the same name, but for the last bits.
+    The same as the observation of that name in `fbql_behaviors.core.observation`, except for the last bits.
     """
     robot_x, robot_y, yaw = state[0], state[1], state[2]
     if code == _WALL:
