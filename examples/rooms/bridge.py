@@ -39,9 +39,9 @@ _PERIOD_NS = round(PERIOD_S * 1e9)
 _LOOK_S = 1.0
 """A step that has taken this long is sent again."""
 _PATIENCE = 30
-"""How often in a row."""
+"""How often in a row it is sent again."""
 _SAY_EVERY = 20
-"""Rooms."""
+"""Rooms between two lines about the progress."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class BridgeParameters:
     family: str = parameter("traps", "family of rooms", choices=list(FAMILIES))
     first_room: int = parameter(0, "seed of the first room; each episode has the next one", low=0, high=2**31)
     episodes: int = parameter(10, "episodes", low=1)
-    world: str = parameter("irsim", "what simulates: IR-SIM, or its faster twin", choices=list(WORLDS))
+    world: str = parameter("irsim", "the simulator: IR-SIM, or its faster twin", choices=list(WORLDS))
     noise_m: float = parameter(0.0, "standard deviation of the scan's noise", unit="m", low=0.0, high=1.0)
     trails: str = parameter("", "file for the trails (CSV), in an existing directory; empty: none are kept")
 
@@ -79,7 +79,7 @@ class Bridge(GraphNode):
         self._now_ns = _PERIOD_NS // 2
         self._reading: Reading | None = None
         self._heard: set[str] = set()
-        """Who has answered this step."""
+        """The sources that have answered this step."""
         self._command = Twist()
         self._decision: MuxDecision | None = None
         self._trail: list[str] = []
@@ -92,7 +92,7 @@ class Bridge(GraphNode):
     # The beginning, and what is lost
 
     def _missing(self) -> list[str]:
-        """Who is not there yet."""
+        """Those that are not connected yet."""
         found = {f"the source {name}": self.count_publishers(f"{name}_vel") > 0 for name in self._sources}
         found["a listener of scan"] = self._scan_publisher.get_subscription_count() > len(self._sources)
         found["the mux"] = self.count_publishers(DECISION) > 0 and self._outcome_publisher.get_subscription_count() > 0
@@ -204,5 +204,5 @@ class Bridge(GraphNode):
         return f"{counted(len(ends), 'room')}: {counted(reached, 'goal')} reached, {counted(collided, 'collision')}"
 
     def close(self) -> None:
-        """Says how it went."""
+        """Reports how it went."""
         self.get_logger().info(self._told(self.ends))

@@ -2,7 +2,7 @@
 
     python examples/rooms/robot.py --ros-args -p room:=7
 
-It stops when commands stop. When it has run into something it is put back to its start.
+It stops when commands stop. When it has run into something, it is put back to its start.
 
 Owns: the room. Does not own: any goal.
 """

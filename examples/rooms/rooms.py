@@ -1,4 +1,4 @@
-"""A robot in rooms with a mux that learns whom to follow: all nodes in one process, over ROS.
+"""A robot in rooms with a mux that learns which source to follow: all nodes in one process, over ROS.
 
     python examples/rooms/rooms.py play                                 by the priorities that the mux starts from
     python examples/rooms/rooms.py train --out my_mux                   learn: my_mux/policy.npz
@@ -41,14 +41,14 @@ def parser():
         own.add_argument("--first-room", type=int, default=room, help="seed of the first room")
         own.add_argument("--family", choices=["traps", "doors"], default="traps", help="family of rooms")
         own.add_argument("--world", choices=["irsim", "twin"], default=world, help="IR-SIM, or its faster twin")
-        own.add_argument("--policy", type=Path, metavar="FILE", help="what an earlier training learned")
+        own.add_argument("--policy", type=Path, metavar="FILE", help="policy.npz of an earlier training")
         own.add_argument("--prior", type=float, default=3.0, help="how strongly the priorities are preferred at first")
         own.add_argument("--seed", type=int, default=0, help="seed of the mux")
         own.add_argument("--out", type=output_path, default=Path(f"rooms_{name}"), help="run directory, a new one")
     does = "draw a run: RUN/rooms.png and RUN/report.html"
     shown = commands.add_parser("show", help=does, description=does, formatter_class=Help)
     shown.add_argument("run", type=Path, metavar="RUN", help="run directory")
-    shown.add_argument("--rooms", type=int, default=9, help="how many of its last rooms")
+    shown.add_argument("--rooms", type=int, default=9, help="how many of its last rooms to draw")
     return result
 
 

@@ -1,4 +1,4 @@
-"""What the robot of the rooms publishes of a reading: a LaserScan and an Odometry, and where its goal is."""
+"""The messages that the robot of the rooms publishes of a reading: a LaserScan, an Odometry, and where its goal is."""
 
 from math import cos, inf, sin
 

@@ -1,8 +1,8 @@
-"""The task of a robot that drives to and fro between two places: says where its goal is, and when it was reached or missed.
+"""The task of a robot that drives to and fro between two places: publishes where its goal is, and when it was reached or missed.
 
     python examples/rooms/task.py --ros-args -p there_x_m:=8.0 -p there_y_m:=7.0 -p here_x_m:=1.5 -p here_y_m:=2.0
 
-Hears /odom and /scan; publishes /goal (distance x [m], bearing y [rad, left positive]) and `outcome`, from which a mux learns. Each
+Subscribes to /odom and /scan; publishes /goal (distance x [m], bearing y [rad, left positive]) and `outcome`, from which a mux learns. Each
 drive is an episode: it ends with success, with a collision, or when its time is up, and the next one begins where the robot is.
 
 Owns: the goals and the rewards. Does not own: the robot.

@@ -23,7 +23,7 @@ from fbql.report.page import ASSETS, facts_table, file_digests, mapping, source_
 from fbql.report.texts import NOT_AVAILABLE, html, table
 
 SIGNS = {SUCCESS: "●", TIMEOUT: "◆"}
-"""A sign and a word: never a colour alone. Every other outcome is a failure."""
+"""A sign and a word: never a color alone. Every other outcome is a failure."""
 NOBODY = "nobody, or a blend"
 _GUIDED = Phase.GUIDED.name.lower()
 _PROGRESS_STEPS = 4096
@@ -59,11 +59,11 @@ class DrivenEpisode:
     outcome: str = NOT_AVAILABLE
     return_: float = 0.0
     drove: Counter[str] = field(default_factory=Counter[str])
-    """Decisions by who drove on from them."""
+    """Numbers of decisions by who drove after them."""
 
     @property
     def steps(self) -> int:
-        """Decisions that somebody drove on from."""
+        """Number of decisions after which somebody drove."""
         return self.drove.total()
 
 

@@ -32,7 +32,7 @@ _WITHOUT_SCRIPT = (
     "</p></noscript>"
 )
 OUTCOMES = {"goal": ("●", "goal"), "own_goal": ("✕", "own goal"), "timeout": ("◆", "timeout")}
-"""A sign and a word: never a colour alone."""
+"""A sign and a word: never a color alone."""
 
 
 def write_page(run: Run, out: TextIO, progress: Callable[[int], None]) -> Contents:
@@ -138,7 +138,7 @@ def _sum(values: Iterable[int | None]) -> str:
 
 
 def _warnings(contents: Contents) -> str:
-    """What is wrong with the recording; empty if it is complete."""
+    """The problems of the recording; empty if it is complete."""
     lines = [*contents.run.warnings, *contents.notes]
     if not lines:
         return ""
@@ -147,7 +147,7 @@ def _warnings(contents: Contents) -> str:
 
 
 def _controllers(contents: Contents) -> str:
-    """What the controllers of the run do, in words, and what triggers the layers of Subsumption."""
+    """The controllers of the run in words, and what triggers the layers of Subsumption."""
     parts = [controllers_html(contents.controllers)]
     guided = any(episode.phase == "guided" for episode in contents.episodes)
     if guided:
@@ -158,12 +158,12 @@ def _controllers(contents: Contents) -> str:
 
 
 def controllers_html(names: Iterable[str]) -> str:
-    """What some controllers do, in words, where they are of this project."""
+    """These controllers in words, if they belong to this project."""
     return "\n".join(f"<p><b>{html(name)}.</b> {html(CONTROLLERS[name])}</p>" for name in names if name in CONTROLLERS)
 
 
 def senses(trees: Iterable[Tree]) -> str:
-    """What the features in the rules mean, where they are features of this project."""
+    """The meaning of the features in the rules, if they belong to this project."""
     names = {feature.name for tree in trees for feature in tree.features}
     known = [
         f"<div><dt>{name.replace('_', ' ')}</dt><dd>{FEATURES[name]}</dd></div>" for name in FEATURES if name in names
