@@ -1,6 +1,6 @@
-"""Bags that others recorded: rosbag2 in MCAP or SQLite 3, read by the library `rosbags`, without ROS.
+"""Bags recorded elsewhere: rosbag2 in MCAP or SQLite 3, read by the library `rosbags`, without ROS.
 
-Only this module and `bag_limits` need `rosbags`. Of each message no more is kept than what a specification asks for.
+Only this module and `bag_limits` need `rosbags`. Of each message only the values that a specification asks for are kept.
 """
 
 from __future__ import annotations

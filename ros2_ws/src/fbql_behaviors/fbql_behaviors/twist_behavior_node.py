@@ -1,4 +1,4 @@
-"""The node of a tree of any robot: the topics of its recipe in, velocity commands out.
+"""The node of a tree for any robot: the topics of its recipe in, velocity commands out.
 
 Owns: one tree, the rate of its commands. Does not own: who else drives the robot (a mux decides). Subscribes the topics that
 the recipe in the tree file names; publishes `cmd_vel`, a Twist or, with `stamped`, a TwistStamped. While an observation is

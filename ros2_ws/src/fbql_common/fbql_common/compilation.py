@@ -1,7 +1,7 @@
 """Compiles the kernels of the cores with Numba, and caches the result for the next process.
 
 Numba is imported here and nowhere else, once enough has been learned from to make it pay. Without it, or with
-FBQL_COMPILE=0, kernels stay interpreted: everything works, with the same bits, several times as slowly.
+FBQL_COMPILE=0, kernels stay interpreted: the results are the same, bit for bit, but take several times as long.
 
 The cache is NUMBA_CACHE_DIR if that is set, else __pycache__ beside the source, else the user's cache directory
 (~/.cache/numba). Where none of them can be written, each process compiles for itself. A damaged cache is emptied.
@@ -94,7 +94,7 @@ def _compiled(numba: Any, function: Any) -> Any:
 
 
 def _make_forgiving(kept: Any) -> None:
-    """Lets no failure of a function's cache end what is learning: the function is then compiled once more."""
+    """Keeps a failure of a function's cache from ending the learning: the function is then compiled once more."""
     load, save = kept.load_overload, kept.save_overload
 
     def load_if_sound(*arguments: Any) -> Any:

@@ -155,8 +155,7 @@ def _make_directories(path: Path, made: list[Path]) -> None:
 
 
 def check_output(path: Path) -> Path:
-    """The path, if something can be called so. What is written there names itself in texts, and puts endings behind its
-    name.
+    """The path, if it can be a file's name. Files written there mention their name in texts, and append endings to it.
 
     Raises:
         BadInput: it is not UTF-8, or a part of it is longer than MAX_NAME_BYTES.

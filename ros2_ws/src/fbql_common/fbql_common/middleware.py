@@ -1,7 +1,7 @@
 """Settings of the middleware for the processes of one machine: what it reads from the environment when it starts.
 
 A graph of this project stays on its machine. Discovery alone does not see to that: Fast DDS binds its sockets to every
-interface, and a participant elsewhere that names this machine as a peer is answered. So processes get a profile of ours,
+interface, and a participant elsewhere that names this machine as a peer is answered. So processes get our own profile,
 which binds every socket to 127.0.0.1, and variables that would make discovery look elsewhere are set aside.
 """
 

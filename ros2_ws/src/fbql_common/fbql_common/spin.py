@@ -1,4 +1,4 @@
-"""Starts, spins and closes nodes: the one place that handles signals, the executor and exit codes."""
+"""Starts, spins and closes nodes; handles signals, the executor and exit codes for all of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one place that converts domain types to bytes on the wire, and back.
+"""Converts domain types to bytes on the wire, and back; no other module does.
 
 Every message of ours is published as bytes encoded here and received as bytes (`raw=True`) decoded here; the same bytes
 are recorded. The layout is read from the generated message classes, so it cannot drift from the .msg files.

@@ -1,4 +1,4 @@
-"""Patterns from a robot's recordings: each command message with what the robot sensed then (`core.senses` has the rule)."""
+"""Patterns from a robot's recordings: each command message with what the robot sensed at that moment (`core.senses` has the rule)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NS = 1_000_000_000
 
 
 class Event(NamedTuple):
-    """A message of a bag, reduced to what is needed of it."""
+    """A message of a bag, reduced to the values that are needed."""
 
     stamp_ns: int
     """When it was recorded."""
@@ -32,7 +32,7 @@ class Event(NamedTuple):
 
 
 class BagPatterns(NamedTuple):
-    """Patterns, and what became of the commands."""
+    """Patterns, and how many commands were used, dropped or clamped."""
 
     patterns: Patterns
     commands: int

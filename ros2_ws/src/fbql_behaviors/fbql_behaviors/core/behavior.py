@@ -36,7 +36,7 @@ class Behavior:
         self._hash = tree.hash
 
     def __getstate__(self) -> dict[str, object]:
-        """All but what the tree compiles, which can't be copied."""
+        """Everything but the compiled tree, which can't be copied."""
         return {name: value for name, value in self.__dict__.items() if name != "_contains"}
 
     def __setstate__(self, state: dict[str, object]) -> None:

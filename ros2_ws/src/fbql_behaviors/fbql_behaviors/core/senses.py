@@ -1,8 +1,8 @@
-"""The newest of what a robot's topics say, as an observation: the same while a bag is read and while a tree drives.
+"""The latest messages of a robot's topics as an observation, by the same rule for reading a bag and for driving with a tree.
 
-The rule: at a moment, each number counts as its topic's last message said, if that came at or before the moment and is no
+The rule: at a moment, each number is that of its topic's last message, if that arrived at or before the moment and is no
 older than the specification allows. Times are those at which messages were received (a bag's recording times), because the
-stamps of several publishers need not be of one clock.
+stamps of different publishers may come from different clocks.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ def kernel_for[**P, R](interpreted: Callable[P, R]) -> Callable[[Callable[P, R]]
 
 
 _compilers: list[Callable[[], None]] = []
-"""What makes the kernels ready, until it has; `fbql_common` adds it, which may know of clocks, files and compilers."""
+"""Makes the kernels ready, once; set by `fbql_common`, which unlike a core may use clocks, files and compilers."""
 
 
 def set_compiler(function: Callable[[], None]) -> None:

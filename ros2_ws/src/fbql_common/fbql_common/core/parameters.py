@@ -1,4 +1,4 @@
-"""Parameters are fields of frozen dataclasses: type, default, unit, bounds and description in one place.
+"""Parameters are fields of frozen dataclasses: type, default, unit, bounds and description in one declaration.
 
     @dataclass(frozen=True)
     class SimulatorParameters:

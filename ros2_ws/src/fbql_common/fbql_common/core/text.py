@@ -1,4 +1,4 @@
-"""Text of others on its way to a terminal, a log or an error: shown, never acted on."""
+"""Text from elsewhere on its way to a terminal, a log or an error: shown, never acted on."""
 
 from __future__ import annotations
 

@@ -169,7 +169,7 @@ class _Counts(NamedTuple):
         return cls(counted, [record.steps for record in counted if record.outcome == success])
 
     def ended(self, outcome: str) -> int:
-        """How many ended so."""
+        """How many ended in this way."""
         return sum(record.outcome == outcome for record in self.counted)
 
     @property

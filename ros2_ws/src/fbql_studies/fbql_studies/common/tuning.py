@@ -1,4 +1,4 @@
-"""Controls that are tuned for each tree set, on episodes that are used for no evaluation: Subsumption's thresholds,
+"""Controls that are tuned for each tree set, on episodes that no evaluation uses: Subsumption's thresholds,
 constant weights."""
 
 from __future__ import annotations
