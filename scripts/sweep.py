@@ -1,4 +1,4 @@
-"""Play controllers and parameters over several values and seeds, and compare."""
+"""Play controllers and parameters over several values and seeds, and compare them."""
 
 import os
 import sys

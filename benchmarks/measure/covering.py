@@ -43,7 +43,7 @@ ROOM_BYTES = 64 << 20
 
 @dataclass(frozen=True, eq=False)
 class Module:
-    """What is known of a test module: CPU time and executed lines of its tests."""
+    """What is known about a test module: CPU time and executed lines of its tests."""
 
     path: str
     test_cpu_s: Mapping[str, float]

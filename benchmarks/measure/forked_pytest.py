@@ -1,4 +1,4 @@
-"""Runs test modules, each in a process forked from this one, which has imported pytest and the libraries but nothing of ours.
+"""Runs test modules, each in a process forked from this one, which has imported pytest and the libraries, but none of our code.
 
 A request is a line of JSON on stdin:
 

@@ -6,12 +6,12 @@ to a node, while the graph starts or while it plays; SIGSTOP stands for a node t
 end       bringup.py ends within 60 s, and within 5 s more no process of it is left
 exit      a signal to bringup.py ends the match in good order (0; 1 before the match began; no exit code of its own where it
           was killed); one to a node is a failure (1 or 3); no traceback; stdout is empty or one JSON object. While Python
-          itself starts, before a line of ours is run, a signal ends bringup.py as it ends every Python program
+          itself starts, before any of our code runs, a signal ends bringup.py as it ends every Python program
 loss      every command that a listener of another process heard is in the recording, but for those of the last flush
           period (0.5 s) before the signal
 recording it is finished and verifies, or `recover` repairs it and the repaired one verifies
 
-Every run is one line of FILE (JSON); a study that was interrupted goes on with the next number.
+Every run is one line of FILE (JSON); an interrupted study continues with the next number.
 """
 
 from __future__ import annotations
@@ -95,12 +95,12 @@ def plan(seed: int, number: int) -> Plan:
 
 
 class Listener(CommandNode):
-    """Hears the commands of a match in another process than those of the graph."""
+    """Receives the commands of a match, in a process other than those of the graph."""
 
     def __init__(self, domain_id: int) -> None:
         super().__init__("listener", domain_id)
         self.heard: list[tuple[float, tuple[int, int]]] = []
-        """When each command came, on the steady clock [s], and its (episode, step)."""
+        """When each command arrived, on the steady clock [s], and its (episode, step)."""
         qos = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.BEST_EFFORT)
         self.node.create_subscription(WheelCommand, WHEEL_COMMAND, self._note, qos, raw=True)
 

@@ -20,7 +20,7 @@ def enter(name: str, purpose: str = "run", module: str = "") -> None:
     """Run `fbql NAME`, the test suite, or `MODULE.main(argv)` where a module is named, in the environment, and exit with
     what it returns.
 
-    `purpose` is run, test (adds the test tools), study (adds what studies need) or bags (adds what reads bags of others);
+    `purpose` is run, test (adds the test tools), study (adds what studies need) or bags (adds the reader of bags);
     the last two not if only the help is requested. Does not return.
 
     Signals that end a program wait until the command is there to act on them.

@@ -1,10 +1,10 @@
-"""`scripts/ros2`: `run`, `pkg` and what looks at a graph where no real `ros2` is installed, with its arguments, output and
+"""`scripts/ros2`: `run`, `pkg` and looking at a graph, where no real `ros2` is installed; with its arguments, output and
 exit codes.
 
 The wheels bring no ros2cli. With a sourced system Jazzy this steps aside for the real one. Packages and executables are
 looked up by the ament index, which is files: a prefix holds a package when it has the marker
-share/ament_index/resource_index/packages/NAME. Of several prefixes the first on AMENT_PREFIX_PATH wins. What looks at a
-graph needs ROS, so it is a program in the environment: `fbql.ros2cli`.
+share/ament_index/resource_index/packages/NAME. Of several prefixes the first on AMENT_PREFIX_PATH wins. Looking at a
+graph needs ROS, so it is a program inside the environment: `fbql.ros2cli`.
 """
 
 from __future__ import annotations

@@ -14,18 +14,18 @@ ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def hold_signals() -> None:
-    """From now on they wait."""
+    """Makes the signals wait from now on."""
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDING_SIGNALS)
 
 
 def let_signals_in() -> None:
-    """From now on they act; so do those that waited."""
+    """Lets the signals act from now on; so do those that waited."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING_SIGNALS)
 
 
 @contextlib.contextmanager
 def signals_let_in() -> Generator[None, None, None]:
-    """A context in which they act."""
+    """A context in which the signals act."""
     before = signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING_SIGNALS)
     try:
         yield
