@@ -118,7 +118,7 @@ def test_metadata_is_plain_data(bag: Path, tmp_path: Path, text: str) -> None:
     copy.mkdir()
     (copy / "bag.mcap").write_bytes(mcap_of(bag).read_bytes())
     (copy / "metadata.yaml").write_text(text)
-    with bounded(), pytest.raises(BadInput, match=r"damaged, or no ROS 2 bag .*YAML: line"):
+    with bounded(), pytest.raises(BadInput, match=r"damaged, or not a ROS 2 bag .*YAML: line"):
         read_bag(copy, SENSED)
 
 

@@ -195,7 +195,7 @@ def test_a_snapshot_of_other_sources_or_observations_is_one_line(
     odd = rewrite(recorded, tmp_path / "odd", change)
     assert replay([str(odd), "--verify"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.endswith("its decisions are not on the sources and observations of its config.yaml")
+    assert line.endswith("its decisions do not match the sources and observations in its config.yaml")
 
 
 def test_any_decisions_are_compared_or_refused(recorded: Path, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
