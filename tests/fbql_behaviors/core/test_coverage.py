@@ -1,4 +1,4 @@
-"""What was shown of the root region, and what play needs."""
+"""Which parts of the root region were demonstrated, and which ones play needs."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Coverage:
     driven: npt.NDArray[np.int64]
 
     def gaps(self, most: int = 3) -> list[Gap]:
-        """The cells that were driven in most and never shown."""
+        """The cells that were driven in most but never demonstrated."""
         missing = np.where(self.shown == 0, self.driven, 0)
         moments = max(int(self.driven.sum()), 1)
         gaps: list[Gap] = []
