@@ -186,7 +186,7 @@ def test_a_topic_that_is_not_asked_for_may_be_anything(bag: Path, tmp_path: Path
 def test_one_that_is_asked_for_has_a_definition(
     bag: Path, tmp_path: Path, encoding: str, data: bytes, lacking: str
 ) -> None:
-    with pytest.raises(BadInput, match=f"message type {lacking} has no definition of ROS in this bag"):
+    with pytest.raises(BadInput, match=f"message type {lacking} has no ROS definition in this bag"):
         read_bag(changed(bag, tmp_path / "odd.mcap", schema(SCAN, encoding, data)), SENSED)
 
 

@@ -1,7 +1,7 @@
-"""Limits for the library `rosbags`, which believes what a bag says: one of a few KB must not take all memory, or never end.
+"""Limits for the library `rosbags`, which trusts the contents of a bag: one of a few KB must not take all memory, or never end.
 
 A YAML text is read as plain data, chunks and messages are unpacked up to a limit, and a message type has only so many parts.
-What the library can't read is none of a topic that is not asked for: it has no definition then.
+A schema that the library can't read leaves its topic without a definition, which matters only if the topic is asked for.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from mcap.records import Chunk as ChunkRecord
 from mcap.stream_reader import StreamReader
 
 MOST_PARTS = 100_000
-"""Most messages within a message of a fixed size; the library writes code for each."""
+"""The most messages nested in one of a fixed size; the library generates code for each."""
 
 
 @cache
 def set_limits() -> None:
-    """Gives the library, which must be installed, our readers in the place of those without a limit."""
+    """Replaces the library's readers, which have no limits, by ours. The library must be installed."""
     reader, metadata, storage, database = (
         import_module(f"rosbags.rosbag2.{name}") for name in ("reader", "metadata", "storage_mcap", "storage_sqlite3")
     )
@@ -35,7 +35,7 @@ def set_limits() -> None:
     not_yaml = reader.YAMLError
 
     class PlainYaml(reader.YAML):
-        """Reads plain data alone."""
+        """Reads plain data only."""
 
         def load(self, stream: str) -> Any:
             try:
@@ -53,7 +53,7 @@ def set_limits() -> None:
         setattr(any_reader, name, _or({}, getattr(any_reader, name), typesys.TypesysError))
 
     class Database(database.Sqlite3Reader):
-        """Of any name."""
+        """Opens a file of any name."""
 
         def __init__(self, path: Path) -> None:
             super().__init__(_InUri(path))
@@ -80,7 +80,7 @@ def _or[T](instead: T, function: Callable[..., T], error: type[Exception]) -> Ca
 
 
 def check_mcap(file: BinaryIO) -> None:
-    """Reads an MCAP file with its checksums, which the library does not look at all. Raises what the mcap package raises, or
+    """Reads an MCAP file with its checksums, which the library ignores. Raises what the mcap package raises, or
     ValueError."""
     reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_RECORD_BYTES)
     for record in reader.records:
@@ -94,7 +94,7 @@ def check_type(definitions: Any, name: str) -> None:
 
     def count(name: str) -> int:
         if name not in definitions:
-            raise BadInput(f"message type {name} has no definition of ROS in this bag")
+            raise BadInput(f"message type {name} has no ROS definition in this bag")
         if name not in parts:
             parts[name] = min(MOST_PARTS + 1, 1 + sum(of_field(kind) for _, kind in definitions[name][1]))
         return parts[name]
@@ -124,7 +124,7 @@ def _records(codec: str, packed: bytes, size: int, crc: int = 0) -> bytes:
 
 
 def _message(packed: bytes) -> bytes:
-    """A message that is compressed by itself."""
+    """A message that is compressed on its own."""
     with zstandard.ZstdDecompressor().stream_reader(packed) as reader:
         data = reader.read(MAX_RECORD_BYTES + 1)
     if len(data) > MAX_RECORD_BYTES:

@@ -25,7 +25,7 @@ from fbql_fusion.run_recorder import SessionRecorder, channel_of, directory_of_r
 
 _DECISION, _COMMAND = 0, 1
 SAVE_PERIOD_S = 30.0
-"""Shortest time between two savings of what is being learned [s]. A process that is killed loses no more."""
+"""Shortest time between two saves of the policy [s]. A process that is killed loses no more than this."""
 
 
 class MuxRecorder(SessionRecorder):

@@ -139,7 +139,7 @@ class Run:
         """Raises BadInput for a run of a mux, which has no field, ball or wheels."""
         if self.is_of_mux:
             raise BadInput(
-                f"{self.path}: a run of a mux, and not of a match; replay can verify and publish it, report shows it"
+                f"{self.path}: a run of a mux, not of a match; replay can verify and publish it, report shows it"
             )
 
     # What is wrong with it
