@@ -66,7 +66,7 @@ def test_another_meaning_is_wrong_and_p_is_said(work: Path) -> None:
     for word in ("rule", "undecided"):
         verdict = check([f"{ratio:.3g}", word], work)
         assert not verdict.right
-        assert f"p = {p:.2g}, where 0.05 or more means" in verdict.line
+        assert f"p = {p:.2g}; 0.05 or more means" in verdict.line
 
 
 def test_the_rule_can_win_too(copied: Path, tmp_path: Path) -> None:
