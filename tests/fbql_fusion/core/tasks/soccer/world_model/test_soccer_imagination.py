@@ -78,7 +78,7 @@ def test_a_policy_plays_frozen_without_the_trees_and_keeps_the_steps() -> None:
     frozen = SoccerSession(replace(FEW, learn=False, guided=0), policy).policy()
     assert frozen is not None
     assert policy_bytes(frozen) == policy_bytes(policy)
-    with pytest.raises(BadInput, match=r"the trees of the behaviors are not known to it; fbql can't continue from"):
+    with pytest.raises(BadInput, match=r"it does not know the trees of the behaviors; fbql can't continue from"):
         SoccerSession(FEW, policy)
 
 
