@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from time import monotonic
+from time import process_time
 
 import pytest
 import yaml
@@ -122,11 +122,11 @@ def test_not_a_number_reads_back_as_it_was():
     ids=lambda value: repr(value)[:30],
 )
 def test_what_is_not_plain_data_is_one_line_soon(text, says):
-    begun_s = monotonic()
+    begun_s = process_time()
     with pytest.raises(BadInput, match=f"^x: .*({says})") as caught:
         from_yaml(text, "x")
     assert "\n" not in str(caught.value)
-    assert monotonic() - begun_s < 10.0
+    assert process_time() - begun_s < 10.0
 
 
 def test_an_alias_is_what_it_stands_for():
