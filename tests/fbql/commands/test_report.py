@@ -209,6 +209,11 @@ def test_one_failure_in_many_is_not_rounded_away() -> None:
     assert "99.5 % of the episodes" in tiles(cast("Contents", SimpleNamespace(episodes=episodes)))
 
 
+def test_the_tiles_of_a_match_that_begins_count_from_nought() -> None:
+    shown = tiles(cast("Contents", SimpleNamespace(episodes=[])))
+    assert all(f"<b>0</b> {name}" in shown for name in ("episodes", "goals", "own goals", "timeouts", "collisions"))
+
+
 def test_nothing_ends_a_script_from_inside():
     text = json_for_html({"a": "</script><!--<script>", "b": ["\u2028", "&lt;"]})
     assert not set("<>&\u2028") & set(text)

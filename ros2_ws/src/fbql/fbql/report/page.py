@@ -114,7 +114,7 @@ def tile_values(all_episodes: Sequence[Episode]) -> list[tuple[str, str, str]]:
     """The result of some episodes: name, value and note of each number."""
     episodes = counted(all_episodes)
     outcomes = [episode.outcome for episode in episodes]
-    known = any(outcomes)
+    known = any(outcomes) or not episodes
     goals = outcomes.count("goal")
     steps = sum(episode.steps for episode in episodes)
     guided = len(all_episodes) - len(episodes)
@@ -124,17 +124,17 @@ def tile_values(all_episodes: Sequence[Episode]) -> list[tuple[str, str, str]]:
 
     return [
         ("episodes", f"{len(episodes)}", f"and {guided} guided, not counted" if guided else ""),
-        ("goals", number("goal"), f"{percent(goals / len(episodes))} of the episodes" if known else ""),
+        ("goals", number("goal"), f"{percent(goals / len(episodes))} of the episodes" if any(outcomes) else ""),
         ("own goals", number("own_goal"), ""),
         ("timeouts", number("timeout"), ""),
         ("steps per goal", f"{steps / goals:.0f}" if goals else NOT_AVAILABLE, "of all episodes"),
-        ("collisions", _sum(episode.collisions_begun for episode in episodes), "with a wall"),
+        ("collisions", _sum([episode.collisions_begun for episode in episodes]), "with a wall"),
     ]
 
 
-def _sum(values: Iterable[int | None]) -> str:
+def _sum(values: list[int | None]) -> str:
     known = [value for value in values if value is not None]
-    return f"{sum(known)}" if known else NOT_AVAILABLE
+    return f"{sum(known)}" if known or not values else NOT_AVAILABLE
 
 
 def _warnings(contents: Contents) -> str:
