@@ -22,7 +22,7 @@ from fbql_common.files import output_directory, remedy, write_atomically
 
 from fbql_studies.runner.study import Result
 
-COUNTS = ("seeds", "trees")
+COUNTS = ("seeds", "trees", "searches")
 """Options that set a number of tasks. A directory serves any value: a task that depends on one has it in its key."""
 _MADE_FIRST = {"tasks", "lock"}
 """Files that exist before config.json does."""
