@@ -75,18 +75,13 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def _own_observations_and_controllers_end_with_their_module() -> Iterator[None]:
     """A module may register observations and controllers of its own; the next one in this worker must not see them."""
     from fbql_behaviors.core.observation import OBSERVATIONS
-    from fbql_fusion.core import registry
+    from own_controller import only_ours
 
-    observations = dict(OBSERVATIONS)
-    lists = [(known, list(known)) for known in (registry.CONTROLLERS, registry.MUX_CONTROLLERS)]
-    registered = dict(registry._registered)
-    yield
-    for name in OBSERVATIONS.keys() - observations.keys():
+    before = dict(OBSERVATIONS)
+    with only_ours():
+        yield
+    for name in OBSERVATIONS.keys() - before.keys():
         del OBSERVATIONS[name]
-    for known, before in lists:
-        known[:] = before
-    registry._registered.clear()
-    registry._registered.update(registered)
 
 
 @pytest.fixture

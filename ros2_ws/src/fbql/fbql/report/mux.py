@@ -116,7 +116,7 @@ def write_mux_page(
     shown = base64.b64encode(picture).decode()
     parts = (
         _warnings(run),
-        f'<section><h2>Where it drove</h2>\n<img src="data:image/png;base64,{shown}" alt="Trails, coloured by who drove">'
+        f'<section><h2>Where it drove</h2>\n<img src="data:image/png;base64,{shown}" alt="Trails, colored by who drove">'
         "</section>"
         if picture
         else "",
