@@ -36,15 +36,24 @@ def test_a_robot_at_rest_never_scores() -> None:
     assert not world.terminated
 
 
-def test_the_law_plays_as_when_the_figures_in_the_documents_were_measured() -> None:
+@pytest.mark.parametrize(
+    ("constants", "expected"),
+    [
+        (UNTUNED, [599, 235, 317, 416, 441, 382, 229, 314, 259, 238, 614, 183]),
+        (TUNED, [121, 125, 132, 138, 129, 133, 123, 127, 130, 123, 135, 125]),
+    ],
+)
+def test_the_law_plays_as_when_the_figures_in_the_documents_were_measured(
+    constants: LawConstants, expected: list[int]
+) -> None:
     loop = WorldLoop()
     steps: list[int] = []
     for episode in range(12):
         world = loop.reset(episode, seed=episode)
         while not world.ended:
-            world = loop.step(*law(world))
+            world = loop.step(*law(world, constants))
         steps.append(world.step)
-    assert steps == [599, 235, 317, 416, 441, 382, 229, 314, 259, 238, 614, 183]
+    assert steps == expected
 
 
 def test_the_tuned_law_takes_less_than_half_the_steps_of_the_one_set_by_hand() -> None:
