@@ -18,6 +18,10 @@ from rclpy.task import Future
 _STATUS = "fusion: match"
 _WORLD_STATUS = "simulator: world"
 
+DISCOVERY_S = 4.5
+"""How long what is already in a domain may stay unseen by a node that joins it [s]: participants announce themselves
+every 3 s, and a busy machine is late."""
+
 
 class CommandNode:
     """A node with its own context, which receives messages only in `look`."""

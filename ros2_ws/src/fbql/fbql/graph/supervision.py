@@ -21,7 +21,7 @@ from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import LiveLine
 from fbql.graph import launch
 from fbql.graph.domains import free_domain
-from fbql.graph.observer import Observer
+from fbql.graph.observer import DISCOVERY_S, Observer
 from fbql.graph.processes import NodeProcess, start, stop
 from fbql.match.options import Match
 from fbql.match.result import Asked, export_text, played_so_far, status_line
@@ -32,8 +32,6 @@ if TYPE_CHECKING:  # it takes message packages that a bring-up without it need n
 BEFORE_THE_MATCH = "the match had not begun"
 _LOOK_S = 0.05
 """How long to receive messages between two checks of the processes [s]."""
-_DISCOVERY_S = 3.0
-"""Every participant of a domain announces itself again within this time [s]."""
 _FIRST_OUTPUT_S = 3.0
 _STALLED_S = 30.0
 """How long no step may be played before a node counts as hung [s]: longer than any node waits for another."""
@@ -212,7 +210,7 @@ class Supervision:
 
     def _refuse_twins(self, match: Match, domain_id: int) -> None:
         """Two nodes of one name break a graph in ways that are hard to see. A free domain has none."""
-        deadline = monotonic() + _DISCOVERY_S
+        deadline = monotonic() + DISCOVERY_S
         twins: list[str] = []
         with closing(Observer(domain_id)) as observer:
             while not (twins or self._interrupts.came or monotonic() > deadline):

@@ -201,7 +201,7 @@ def demonstrate_by_keyboard(
         os.environ["ROS_LOG_DIR"] = str(log_directory)
         closing.enter_context(output_aside(log_directory / "instructor.log"))
         shared = given_domain is not None
-        live = LiveSimulator(simulation, domain, shared, dict(os.environ), log_directory, drive.deliver)
+        live = LiveSimulator(simulation, domain, shared, dict(os.environ), log_directory, drive.deliver, interrupts)
         closing.enter_context(live)
         safekeeping.open()
         try:

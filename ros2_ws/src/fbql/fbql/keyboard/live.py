@@ -28,12 +28,13 @@ from fbql_msgs.srv import ResetEpisode
 from fbql_sim.core.parameters import SimulationParameters
 from rclpy.task import Future
 
+from fbql.cli.interrupts import Interrupts
 from fbql.graph.launch import executable
-from fbql.graph.observer import CommandNode
+from fbql.graph.observer import DISCOVERY_S, CommandNode
 from fbql.graph.processes import start, stop
 
 SIMULATOR = "simulator"
-_DISCOVERY_S = 1.0
+_LOOK_S = 0.05
 PATIENCE_S = 20.0
 """How long the simulator may take to come up, and to answer [s]."""
 
@@ -50,6 +51,7 @@ class LiveSimulator:
         environment: of the simulator's process.
         log_directory: for the simulator's output and its parameter file.
         deliver: called with every world state; one comes again when no command follows.
+        interrupts: a signal ends the search for another simulator.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class LiveSimulator:
         environment: Mapping[str, str],
         log_directory: Path,
         deliver: Callable[[World], None],
+        interrupts: Interrupts,
     ) -> None:
         file = log_directory / "parameters.yaml"
         write_atomically(file, yaml.safe_dump({f"/{SIMULATOR}": {"ros__parameters": asdict(parameters)}}).encode())
@@ -69,6 +72,7 @@ class LiveSimulator:
         self._domain_id = domain_id
         self._shared = shared
         self._deliver = deliver
+        self._interrupts = interrupts
         self._reset: Future | None = None
         self._reset_s = float("inf")
         self._refusal: str | None = None
@@ -128,13 +132,15 @@ class LiveSimulator:
 
     def _refuse_twin(self) -> None:
         """Two simulators in one graph would both step. Raises BadInput."""
-        self.look(_DISCOVERY_S)
-        if self._input.publishers() > 0 or SIMULATOR in self._instructor.node.get_node_names():
-            self._instructor.close()
-            raise BadInput(
-                f"a simulator is already running in ROS_DOMAIN_ID={self._domain_id}; "
-                "end it, or unset ROS_DOMAIN_ID to get a free domain"
-            )
+        deadline = monotonic() + DISCOVERY_S
+        while monotonic() < deadline and not self._interrupts.came:
+            self.look(_LOOK_S)
+            if self._input.publishers() > 0 or SIMULATOR in self._instructor.node.get_node_names():
+                self._instructor.close()
+                raise BadInput(
+                    f"a simulator is already running in ROS_DOMAIN_ID={self._domain_id}; "
+                    "end it, or unset ROS_DOMAIN_ID to get a free domain"
+                )
 
     def _on_answer(self, answer: Future) -> None:
         response = answer.result()

@@ -37,6 +37,7 @@ from rosgraph_msgs.msg import Clock
 from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import LiveLine, complain, json_text, output_aside, print_result, say, warn
 from fbql.graph.domains import MAX_DOMAIN_ID, free_domain
+from fbql.graph.observer import DISCOVERY_S
 from fbql.replay.recomputation import recorded_trees
 from fbql.replay.topics import ReplayViews, class_of, qos_of
 from fbql.watch.pace import Pace
@@ -48,8 +49,6 @@ NS = 1_000_000_000
 _LAST_NS = 2**31 * NS - 1
 """Latest time of a ROS message, whose seconds have 32 bits [ns]."""
 _LOOK_S = 0.02
-_TWIN_S = 1.0
-"""How long a domain that the user names is watched for other publishers of the same topics [s]."""
 _PATIENCE_S = 4.0
 """How long a subscriber may take to acknowledge before the replay continues without it [s]."""
 _ASK_AGAIN = Duration(seconds=0.02)
@@ -239,8 +238,8 @@ class Stage:
         self._views.show(message.topic, message.data)
 
     def refuse_twins(self, interrupts: Interrupts) -> None:
-        """Raises BadInput if another publisher of one of the topics appears in this domain within `_TWIN_S`."""
-        deadline = monotonic() + _TWIN_S
+        """Raises BadInput if another publisher of one of the topics appears in this domain within `DISCOVERY_S`."""
+        deadline = monotonic() + DISCOVERY_S
         while monotonic() < deadline and not interrupts.came:
             self._refuse_twin()
             sleep(_LOOK_S)
