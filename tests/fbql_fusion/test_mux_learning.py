@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
+from time import monotonic
 
 import numpy as np
 import pytest
 from fbql.replay.mux_verification import verify_mux
 from fbql_common.core.errors import BadInput
+from fbql_common.core.mux_types import MuxDecision, RobotOutcome
+from fbql_common.core.topic_names import DECISION
 from fbql_common.core.twist import Twist
+from fbql_common.qos import STEP_QOS
+from fbql_common.wire import MESSAGES, decode_mux_decision, encode_number, encode_twist
 from fbql_fusion.policy_storage import load_policy, save_policy
 from fbql_fusion.twist_mux_node import TwistMuxNode
 from fbql_msgs.srv import SavePolicy
@@ -120,6 +126,40 @@ def test_a_source_at_or_above_safety_priority_drives_whatever_is_learned(bench, 
     bench.until(lambda: mux.out[out:].count(Twist(-0.1)) >= 3, "the joystick to drive")
     assert Twist(0.5) not in mux.out[out + 1 :]
     bench.until(up_drives, "the learned choice to drive again")
+
+
+def test_what_came_while_the_mux_learned_is_as_old_as_it_is(bench, tmp_path):
+    text = file_of(**WALL_TIME, decision_period_s=0.02).replace("use_sim_time: true", "use_sim_time: false")
+    text = text.replace("timeout: 0.25, priority: 1}", "timeout: 60.0, priority: 1}")
+    mux = OwnMux(bench, tmp_path, text.replace("{topic: a_position", "{topic: a_position, max_age_s: 0.25"))
+    sensor = mux.partner.create_publisher(MESSAGES[float], "a_position", STEP_QOS)
+    brief, lasting = (mux.publisher(topic, Twist) for topic in ("up_vel", "down_vel"))
+    decisions = []
+    mux.partner.create_subscription(
+        MESSAGES[MuxDecision], DECISION, lambda data: decisions.append(decode_mux_decision(data)), STEP_QOS, raw=True
+    )
+    bench.until(lambda: decisions and sensor.get_subscription_count(), "the first decision")
+    session = mux.node._learning.mux.session
+    begin = session.next_episode
+
+    def learn():
+        """Takes longer than the brief source and the sensor may be silent; meanwhile both send their last message."""
+        brief.publish(encode_twist(Twist(0.5)))
+        lasting.publish(encode_twist(Twist(-0.5)))
+        sensor.publish(encode_number(0.25))
+        learned_s = monotonic() + 0.26
+        while monotonic() < learned_s:
+            pass
+        return begin()
+
+    session.next_episode = learn
+    mux.node._learning.mux.hear_outcome(RobotOutcome(0, 1.0, terminated=True, outcome="success"))
+    bench.until(lambda: Twist(-0.5) in mux.out, "the command that is not too old")
+    bench.until(lambda: decisions[-1].step > 20, "more decisions")
+    assert mux.received() == 2
+    assert Twist(0.5) not in mux.out
+    assert {each.active for each in decisions} == {(False, False), (True, False)}
+    assert all(math.isnan(each.observed[0]) for each in decisions)
 
 
 def test_while_sources_are_blended_all_their_names_are_who_drives(bench, tmp_path):

@@ -197,15 +197,25 @@ def test_zeros_are_repeated_until_the_lock_is_off(bench, tmp_path):
 # Time
 
 
-def test_ages_are_counted_in_simulated_time(bench, tmp_path):
+def in_simulated_time(bench, tmp_path):
+    """A mux, and what publishes its time."""
     mux = OwnMux(bench, tmp_path, TWO_SOURCES, "-p", "use_sim_time:=true")
     clock = mux.partner.create_publisher(Clock, CLOCK, POSE_QOS)
-    bench.until(lambda: clock.get_subscription_count() > 0, "the mux to hear the clock")
+    bench.until(lambda: clock.get_subscription_count() > 1, "the mux to hear the clock, and when it came")
 
-    def set_time(now_ns):
+    def publish_time(now_ns):
         message = Clock()
         message.clock.sec, message.clock.nanosec = divmod(now_ns, 10**9)
         clock.publish(message)
+
+    return mux, publish_time
+
+
+def test_ages_are_counted_in_simulated_time(bench, tmp_path):
+    mux, publish_time = in_simulated_time(bench, tmp_path)
+
+    def set_time(now_ns):
+        publish_time(now_ns)
         bench.until(lambda: mux.node.get_clock().now().nanoseconds == now_ns, "the time")
 
     set_time(10**9)
@@ -218,6 +228,30 @@ def test_ages_are_counted_in_simulated_time(bench, tmp_path):
     set_time(9 * 10**8)
     mux.send(NAV, SLOW)
     bench.until(lambda: mux.out == [FAST, SLOW, SLOW], "that a clock set back does not revive the joystick")
+
+
+def test_a_command_that_waited_longer_than_its_timeout_while_the_mux_was_busy_is_not_passed_on(bench, tmp_path):
+    mux = OwnMux(bench, tmp_path, TWO_SOURCES.replace("timeout : 0.5\n        priority: 100", "timeout : 0.001\n        priority: 100"))  # fmt: skip
+    for topic, command in ((JOY, FAST), (NAV, SLOW)):
+        mux.publisher(topic, Twist).publish(encode_twist(command))
+    busy_s = monotonic() + 0.002
+    while monotonic() < busy_s:
+        pass
+    bench.until(lambda: mux.out, "a command")
+    mux.send(NAV, FAST)
+    bench.until(lambda: mux.out == [SLOW, FAST], "those of the source that waits long enough, and no other")
+
+
+def test_nor_is_one_in_simulated_time(bench, tmp_path):
+    mux, publish_time = in_simulated_time(bench, tmp_path)
+    mux.publisher(NAV, Twist)
+    joystick = mux.publisher(JOY, Twist)
+    publish_time(2 * 10**9)
+    joystick.publish(encode_twist(FAST))
+    publish_time(9 * 10**9)
+    bench.until(lambda: mux.received(), "the command to be read")
+    mux.send(NAV, SLOW)
+    bench.until(lambda: mux.out == [SLOW], "the command of now alone")
 
 
 # Bad input

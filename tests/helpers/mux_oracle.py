@@ -23,8 +23,16 @@ class Event(NamedTuple):
     """A message: a source's command (`on` is None), or a lock's."""
 
     time_ns: int
+    """When it is read, and passed on or not."""
     name: str
     on: bool | None = None
+    received_ns: int | None = None
+    """When it came, if earlier: its age counts from then."""
+
+    @property
+    def came_ns(self) -> int:
+        """When it came."""
+        return self.time_ns if self.received_ns is None else self.received_ns
 
 
 def passed_on(sources: Sequence[Source], locks: Sequence[Lock], events: Sequence[Event]) -> list[int]:
@@ -69,7 +77,7 @@ def has_expired(entry: Source | Lock, events: Iterable[Event], now_ns: int) -> b
     """Rule 2."""
     if entry.timeout_s <= 0:
         return False
-    fresh = [event for event in events if event.name == entry.name and now_ns - event.time_ns <= entry.timeout_s * 1e9]
+    fresh = [event for event in events if event.name == entry.name and now_ns - event.came_ns <= entry.timeout_s * 1e9]
     return not fresh
 
 
@@ -112,6 +120,16 @@ def random_schedule(generator: np.random.Generator) -> Schedule:
         else:
             events.append(Event(now_ns, locks[place - len(sources)].name, bool(generator.integers(2))))
     return Schedule(MuxConfig(sources, locks), events)
+
+
+def read_late(events: Iterable[Event], generator: np.random.Generator) -> list[Event]:
+    """The same messages where the mux is busy now and then: all that come meanwhile are read when it is done."""
+    free_ns, found = 0, list[Event]()
+    for event in events:
+        if generator.random() < 0.15:
+            free_ns = max(free_ns, event.time_ns + STEP_NS * int(generator.choice([1, 3, 8, 20])))
+        found.append(event._replace(time_ns=max(event.time_ns, free_ns), received_ns=event.time_ns))
+    return found
 
 
 def numbered(place: int) -> Twist:

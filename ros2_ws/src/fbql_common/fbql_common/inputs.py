@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_policy_name_from_kind
 
 from fbql_common.core.text import one_line
+from fbql_common.reception import WithReception
 from fbql_common.wire import MESSAGES, Rejected, type_name
 
 WARN_PERIOD_S = 1.0
@@ -51,13 +52,16 @@ class Input[T]:
         self._subscription = node.create_subscription(
             MESSAGES[kind],
             topic,
-            self._on_bytes,
+            self._callback(),
             qos,
             raw=True,
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible_qos),
         )
         self.topic = self._subscription.topic_name
         self._type_name = type_name(kind)
+
+    def _callback(self) -> Callable[..., None]:
+        return self._on_bytes
 
     def _on_bytes(self, data: bytes) -> None:
         try:
@@ -111,3 +115,27 @@ class Input[T]:
         if what not in self._mismatches:
             self._mismatches.add(what)
             self._node.get_logger().error(one_line(text))
+
+
+class TimedInput[T](Input[T]):
+    """The same for messages whose age counts: `deliver` also gets when the middleware received the message, by the system clock [ns];
+    0: unknown. See `reception.AgeClock`."""
+
+    def __init__(
+        self,
+        node: Node,
+        kind: type[T],
+        topic: str,
+        decode: Callable[[bytes], T],
+        deliver: Callable[[T, bytes, int], None],
+        qos: QoSProfile,
+    ) -> None:
+        self._received_ns = 0
+        super().__init__(node, kind, topic, decode, lambda value, data: deliver(value, data, self._received_ns), qos)
+
+    def _callback(self) -> Callable[..., None]:
+        return WithReception(self._on_timed)
+
+    def _on_timed(self, data: bytes, received_ns: int) -> None:
+        self._received_ns = received_ns
+        self._on_bytes(data)

@@ -18,6 +18,7 @@ from fbql_common.core.topic_names import DECISION, OUTCOME
 from fbql_common.inputs import Input
 from fbql_common.message_types import message_class
 from fbql_common.qos import STEP_QOS
+from fbql_common.reception import AgeClock, WithReception
 from fbql_common.spin import BAD_INPUT, GraphNode
 from fbql_common.watch import steady_timer
 from fbql_common.wire import MESSAGES, decode_number, decode_outcome, encode_mux_decision
@@ -39,7 +40,7 @@ class MuxLearning:
     """Makes a `LearnedMux` of a node's parameters, and lets it decide at each tick.
 
     Args:
-        now_ns: the clock that ages are measured with.
+        clock: the one that ages are measured with.
         act: called with each decision, to publish what follows from it.
 
     Raises:
@@ -51,11 +52,12 @@ class MuxLearning:
         node: GraphNode,
         description: MuxDescription,
         mux: Mux,
-        now_ns: Callable[[], int],
+        clock: AgeClock,
         act: Callable[[Ticked], None],
     ) -> None:
         self._node = node
-        self._now_ns = now_ns
+        self._age_clock = clock
+        self._now_ns = clock.now_ns
         self._act = act
         learned = description.learned
         try:
@@ -71,7 +73,9 @@ class MuxLearning:
         self._session = session
         self._publisher = node.create_publisher(MESSAGES[MuxDecision], DECISION, STEP_QOS)
         self._sensors = [
-            node.create_subscription(kind, topic, partial(self._on_message, topic), qos_profile_sensor_data)
+            node.create_subscription(
+                kind, topic, WithReception(partial(self._on_message, topic)), qos_profile_sensor_data
+            )
             for topic, kind in self._kinds.items()
         ]
         self._outcomes = Input(node, RobotOutcome, OUTCOME, decode_outcome, self._on_outcome, STEP_QOS)
@@ -82,7 +86,7 @@ class MuxLearning:
         self.run = MuxRecorder(description, session, node.resolve_topic_name, complain) if keeps else None
         period_s = description.learning.decision_period_s
         # In simulated time a tick belongs to a time of /clock; else to the steady clock, which is never set.
-        sim = node.get_clock().ros_time_is_active
+        sim = clock.is_simulated
         if session.is_learning and not sim:
             leave_interpreted()  # a joystick would not be heard meanwhile
         timer = partial(node.create_timer, clock=node.get_clock()) if sim else partial(steady_timer, node)
@@ -102,8 +106,8 @@ class MuxLearning:
 
     # Messages
 
-    def _on_message(self, topic: str, message: Any) -> None:
-        now_ns = self._now_ns()
+    def _on_message(self, topic: str, message: Any, received_ns: int) -> None:
+        heard_ns = self._age_clock.when_ns(received_ns, self._now_ns())
         self._unheard.pop(topic, None)
         for place, each in enumerate(self._observations):
             if each.topic == topic:
@@ -112,7 +116,7 @@ class MuxLearning:
                 except BadInput as error:
                     self._warn(f"observation {each.name}: {topic}: {error}")
                 else:
-                    self.mux.hear_observation(place, value, now_ns)
+                    self.mux.hear_observation(place, value, heard_ns)
 
     def _on_outcome(self, outcome: RobotOutcome, _data: bytes) -> None:
         self.mux.hear_outcome(outcome)

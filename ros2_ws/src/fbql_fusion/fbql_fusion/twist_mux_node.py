@@ -17,8 +17,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fbql_common.core.text import one_line
 from fbql_common.core.topic_names import DIAGNOSTICS, MUX_DRIVER, MUX_OUTPUT
 from fbql_common.core.twist import StampedTwist, Twist
-from fbql_common.inputs import Input
+from fbql_common.inputs import TimedInput
 from fbql_common.qos import COMMAND_QOS, LATCHED_QOS, POSE_QOS, SYSTEM_QOS
+from fbql_common.reception import AgeClock
 from fbql_common.spin import GraphNode, spin
 from fbql_common.watch import steady_timer
 from fbql_common.wire import (
@@ -62,7 +63,8 @@ class TwistMuxNode(GraphNode):
         self._stamped = configured.stamped_output
         self._frame = ""
         """The frame of the last stamped command that was passed on."""
-        self._has_sim_time = self.get_clock().ros_time_is_active
+        self._age_clock = AgeClock(self)
+        self._now_ns = self._age_clock.now_ns
         self._driver = self._said_driver = _NOBODY
         self._said_ns = -_SAY_PERIOD_NS
         self._says_each = self.get_logger().is_enabled_for(LoggingSeverity.DEBUG)
@@ -73,13 +75,15 @@ class TwistMuxNode(GraphNode):
         self._driver_publisher = self.create_publisher(String, MUX_DRIVER, LATCHED_QOS)
         self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, POSE_QOS)
         self._locks = [
-            Input(self, bool, lock.topic, decode_flag, partial(self._on_lock, index), SYSTEM_QOS)
+            TimedInput(self, bool, lock.topic, decode_flag, partial(self._on_lock, index), SYSTEM_QOS)
             for index, lock in enumerate(config.locks)
         ]
         self._sources = [
-            Input(self, StampedTwist, source.topic, decode_stamped_twist, partial(self._on_stamped, index), SYSTEM_QOS)
+            TimedInput(
+                self, StampedTwist, source.topic, decode_stamped_twist, partial(self._on_stamped, index), SYSTEM_QOS
+            )
             if source.name in configured.stamped_sources
-            else Input(self, Twist, source.topic, decode_twist, partial(self._on_twist, index), SYSTEM_QOS)
+            else TimedInput(self, Twist, source.topic, decode_twist, partial(self._on_twist, index), SYSTEM_QOS)
             for index, source in enumerate(config.sources)
         ]
         self._learning: MuxLearning | None = None
@@ -88,7 +92,7 @@ class TwistMuxNode(GraphNode):
         self._kept: dict[int, tuple[Twist | StampedTwist, bytes]] = {}
         """The last command of each source that was not passed on; only where a tick may still do so."""
         if configured.description.is_learned:
-            self._learning = MuxLearning(self, configured.description, self._mux, self._now_ns, self._act)
+            self._learning = MuxLearning(self, configured.description, self._mux, self._age_clock, self._act)
             self._decide = self._learning.mux
         elif configured.description.learned.record:
             self.get_logger().warning("nothing is recorded, because nothing is decided: set learn or policy")
@@ -100,18 +104,14 @@ class TwistMuxNode(GraphNode):
 
     # Messages
 
-    def _now_ns(self) -> int:
-        """The time by which ages are measured: simulated time, or the steady clock, which is never set."""
-        return self.get_clock().now().nanoseconds if self._has_sim_time else monotonic_ns()
-
-    def _on_twist(self, index: int, twist: Twist, data: bytes) -> None:
-        if self._hear(index, twist):
+    def _on_twist(self, index: int, twist: Twist, data: bytes, received_ns: int) -> None:
+        if self._hear(index, twist, received_ns):
             self._send(twist, data)
         elif self._learning is not None:
             self._kept[index] = twist, data
 
-    def _on_stamped(self, index: int, stamped: StampedTwist, data: bytes) -> None:
-        if self._hear(index, stamped.twist):
+    def _on_stamped(self, index: int, stamped: StampedTwist, data: bytes, received_ns: int) -> None:
+        if self._hear(index, stamped.twist, received_ns):
             self._send(stamped, data)
         elif self._learning is not None:
             self._kept[index] = stamped, data
@@ -144,23 +144,27 @@ class TwistMuxNode(GraphNode):
                 self._note_driver(" + ".join([name for name, weight in weighted if weight > 0.0]))
             self._publish(self._stamp(ticked.send) if self._stamped else encode_twist(ticked.send))
 
-    def _hear(self, index: int, twist: Twist) -> bool:
+    def _hear(self, index: int, twist: Twist, received_ns: int) -> bool:
         now_ns = self._now_ns()
-        passed = self._decide.hear(index, twist, now_ns)
+        heard_ns = self._age_clock.when_ns(received_ns, now_ns)
+        passed = self._decide.hear(index, twist, now_ns, heard_ns)
         if passed:
             self._note_driver(self._mux.config.sources[index].name)
         if self._says_each:
             name, what = self._mux.config.sources[index].name, "passed on" if passed else "not passed on"
-            self.get_logger().debug(one_line(f"{name}: {what}, received at {now_ns}, {twist.linear_x_m_s!r} m/s"))
+            when = f"received at {heard_ns}, read at {now_ns}"
+            self.get_logger().debug(one_line(f"{name}: {what}, {when}, {twist.linear_x_m_s!r} m/s"))
         return passed
 
-    def _on_lock(self, index: int, on: bool, _data: bytes) -> None:
+    def _on_lock(self, index: int, on: bool, _data: bytes, received_ns: int) -> None:
         now_ns = self._now_ns()
-        self._mux.hear_lock(index, on, now_ns)
+        heard_ns = self._age_clock.when_ns(received_ns, now_ns)
+        self._mux.hear_lock(index, on, heard_ns)
         self._stop_if_locked(now_ns)
         if self._says_each:
             name = self._mux.config.locks[index].name
-            self.get_logger().debug(one_line(f"{name}: {'on' if on else 'off'}, received at {now_ns}"))
+            what = "on" if on else "off"
+            self.get_logger().debug(one_line(f"{name}: {what}, received at {heard_ns}, read at {now_ns}"))
 
     def _stamp(self, twist: Twist) -> bytes:
         """Adds a header to a command without one, or to a zero."""

@@ -136,19 +136,19 @@ def test_a_lock_stops_the_chosen_source_at_once_and_masks_it_in_the_next_decisio
     mux = two()
     mux.hear(B, go(0.2), 0)
     mux.tick(at(1, 1))
-    mux._mux.hear_lock(0, on=True, now_ns=2)
+    mux._mux.hear_lock(0, on=True, received_ns=2)
     assert not mux.hear(B, go(0.2), 3)
     (ticked,) = mux.tick(at(4, 4))
     assert (ticked.decision.active, ticked.pass_on) == ((False, False), None)
     assert mux.hear(JOYSTICK, go(0.2), 5), "it stands above the lock"
-    mux._mux.hear_lock(0, on=False, now_ns=6)
+    mux._mux.hear_lock(0, on=False, received_ns=6)
 
 
 def test_what_a_source_said_while_a_lock_was_on_is_passed_on_by_a_later_tick_only_if_it_is_not_too_old() -> None:
     mux = two()
-    mux._mux.hear_lock(0, on=True, now_ns=0)
+    mux._mux.hear_lock(0, on=True, received_ns=0)
     mux.hear(B, go(0.2), 0)
-    mux._mux.hear_lock(0, on=False, now_ns=1)
+    mux._mux.hear_lock(0, on=False, received_ns=1)
     (ticked,) = mux.tick(at(500 * MS, 500 * MS))
     assert ticked.pass_on == B
     mux.hear(A, go(0.2), 600 * MS)
@@ -182,9 +182,9 @@ def test_a_robot_that_a_blend_drove_gets_a_zero_when_a_lock_stops_all_of_it_and_
     mux.hear(A, go(0.2), 0)
     mux.hear(B, go(0.4), 0)
     mux.tick(at(1, 1))
-    mux._mux.hear_lock(0, on=True, now_ns=2)
+    mux._mux.hear_lock(0, on=True, received_ns=2)
     assert mux._mux.zero_due(2), "the lock stands above both"
-    mux._mux.hear_lock(0, on=False, now_ns=3)
+    mux._mux.hear_lock(0, on=False, received_ns=3)
     mux.tick(at(3, 3))
     mux.hear_outcome(SUCCESS)
     (ticked,) = mux.tick(at(4, 4))
@@ -197,7 +197,7 @@ def test_a_lock_that_leaves_a_part_of_a_blend_does_not_interrupt_it() -> None:
     mux.hear(0, go(0.2), 0)
     mux.hear(1, go(0.4), 0)
     mux.tick(at(1, 1))
-    mux._mux.hear_lock(0, on=True, now_ns=2)
+    mux._mux.hear_lock(0, on=True, received_ns=2)
     assert not mux._mux.zero_due(2)
     (ticked,) = mux.tick(at(3, 3))
     assert ticked.send == Twist(0.2)
@@ -226,6 +226,19 @@ def test_ages_are_those_after_what_is_learned_between_two_episodes() -> None:
         last = mux.tick(lambda: (now_ns, now_ns))[-1]  # noqa: B023
         assert (last.decision.episode, last.decision.stamp_ns) == (1, PERIOD_NS + 501 * MS)
         assert (last.decision.active, last.pass_on) == ((False, False), None), "both have expired meanwhile"
+
+
+def test_what_waited_while_the_mux_was_busy_is_as_old_as_it_is() -> None:
+    mux = two()
+    mux.hear(A, go(0.3), 600 * MS, 500 * MS)
+    assert not mux.hear(JOYSTICK, go(0.9), 600 * MS, 0), "not even one that is never learned over"
+    mux.hear(B, go(0.2), 600 * MS, 0)
+    mux.hear_observation(0, 1.0, 0)
+    (ticked,) = mux.tick(at(601 * MS, 1))
+    assert (ticked.decision.active, ticked.pass_on) == ((True, False), A)
+    assert ticked.decision.ages_s == pytest.approx((0.101, 0.601))
+    assert np.isnan(ticked.decision.observed[0])
+    assert not mux.hear(A, go(0.3), 1200 * MS, 650 * MS), "the chosen one has died while the mux was busy"
 
 
 # Random schedules, against the rules stated a second time

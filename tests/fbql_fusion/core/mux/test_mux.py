@@ -12,7 +12,7 @@ from fbql_common.core.twist import Twist
 from fbql_fusion.core.mux.config import Lock, MuxConfig, Source, mux_config
 from fbql_fusion.core.mux.mux import Mux, Snapshot
 from fbql_fusion.core.mux.parameters import ONCE, REPEAT, LockParameters, MuxParameters, SourceParameters
-from mux_oracle import Event, Schedule, numbered, passed_on, random_schedule
+from mux_oracle import Event, Schedule, numbered, passed_on, random_schedule, read_late
 
 MS = 1_000_000
 GO = Twist(0.5)
@@ -26,17 +26,21 @@ def play(mux: Mux, events: list[Event]) -> list[int]:
     passed: list[int] = []
     for place, event in enumerate(events):
         if event.on is not None:
-            mux.hear_lock(locks.index(event.name), event.on, event.time_ns)
-        elif mux.hear(sources.index(event.name), numbered(place), event.time_ns):
+            mux.hear_lock(locks.index(event.name), event.on, event.came_ns)
+        elif mux.hear(sources.index(event.name), numbered(place), event.time_ns, event.received_ns):
             passed.append(place)
     return passed
 
 
-def agree(seeds: range) -> tuple[int, int]:
-    """Compares mux and oracle over schedules. Returns how many commands were passed on, and how many were not."""
+def agree(seeds: range, busy: bool = False) -> tuple[int, int]:
+    """Compares mux and oracle over schedules, of a mux that is `busy` now and then. Returns how many commands were passed on, and how
+    many were not."""
     passed = held = 0
     for seed in seeds:
-        schedule = random_schedule(np.random.default_rng((SEED, seed)))
+        generator = np.random.default_rng((SEED, seed))
+        schedule = random_schedule(generator)
+        if busy:
+            schedule = schedule._replace(events=read_late(schedule.events, generator))
         expected = passed_on(schedule.config.sources, schedule.config.locks, schedule.events)
         assert play(Mux(schedule.config), schedule.events) == expected, f"schedule {seed}: {schedule}"
         passed += len(expected)
@@ -49,10 +53,16 @@ def test_output_of_random_schedules_is_that_of_the_rules() -> None:
     assert min(passed, held) > 1000, "both outcomes are common"
 
 
+def test_ages_count_from_reception_where_the_mux_was_busy() -> None:
+    passed, held = agree(range(400), busy=True)
+    assert min(passed, held) > 1000
+
+
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_output_of_ten_thousand_random_schedules_is_that_of_the_rules() -> None:
     agree(range(10_000))
+    agree(range(10_000), busy=True)
 
 
 def mux_of(*sources: tuple[str, float, int], locks: tuple[tuple[str, float, int], ...] = (), **options: object) -> Mux:

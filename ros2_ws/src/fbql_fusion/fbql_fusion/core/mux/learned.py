@@ -86,10 +86,10 @@ class LearnedMux:
         """The session that decides."""
         return self._session
 
-    def hear(self, index: int, command: Twist, now_ns: int) -> bool:
-        """Takes a command of source `index`, received now. Returns whether to pass it on."""
+    def hear(self, index: int, command: Twist, now_ns: int, received_ns: int | None = None) -> bool:
+        """Takes a command of source `index`, received at `received_ns`, or now. Returns whether to pass it on."""
         mux = self._mux
-        mux.take(index, command, now_ns)
+        mux.take(index, command, now_ns if received_ns is None else received_ns)
         winner = mux.winner(now_ns)
         if winner is not None and self._is_safe(winner):
             passes = index == winner
@@ -100,10 +100,10 @@ class LearnedMux:
             mux.passed_on(index)
         return passes
 
-    def hear_observation(self, place: int, value: float, now_ns: int) -> None:
-        """Takes the value of an observation of the robot, received now."""
+    def hear_observation(self, place: int, value: float, received_ns: int) -> None:
+        """Takes the value of an observation of the robot."""
         self._values[place] = self._robot.observations[place].clamped(value)
-        self._heard_ns[place] = now_ns
+        self._heard_ns[place] = received_ns
 
     def hear_outcome(self, outcome: RobotOutcome) -> None:
         """Takes an outcome; it counts for the time before the next tick. One received between the end of an episode and the first tick

@@ -4,7 +4,8 @@ These are the rules of ros-teleop/twist_mux 4 (docs/mux.md has them, with the fe
 it arrives, and only if its source is the winner at that moment. Nothing is kept to be passed on later, so no command is
 ever older than its source's timeout.
 
-There is no clock here: the caller passes the time of any clock [ns]. Age is measured from reception.
+There is no clock here: the caller passes the time of any clock [ns]. Age is measured from reception: `now_ns` is the time of a
+decision, `received_ns` that of receiving what it is about, which is earlier where the caller was busy.
 """
 
 from __future__ import annotations
@@ -96,18 +97,18 @@ class Mux:
         self._zero_ns: int | None = None
         """When the last zero command since then was due; None before the first."""
 
-    def hear(self, index: int, command: Twist, now_ns: int) -> bool:
-        """Takes a command of source `index`, received now. Returns whether to pass it on."""
-        self.take(index, command, now_ns)
+    def hear(self, index: int, command: Twist, now_ns: int, received_ns: int | None = None) -> bool:
+        """Takes a command of source `index`, received at `received_ns`, or now. Returns whether to pass it on."""
+        self.take(index, command, now_ns if received_ns is None else received_ns)
         if self.winner(now_ns) != index:
             return False
         self.passed_on(index)
         return True
 
-    def take(self, index: int, command: Twist, now_ns: int) -> None:
-        """Takes a command of source `index`, received now, where somebody else decides whether it is passed on."""
+    def take(self, index: int, command: Twist, received_ns: int) -> None:
+        """Takes a command of source `index`, where somebody else decides whether it is passed on."""
         source = self._sources[index]
-        source.heard_ns, source.command = now_ns, command
+        source.heard_ns, source.command = received_ns, command
 
     def passed_on(self, index: int) -> None:
         """Notes that a command of source `index` is passed on."""
@@ -123,10 +124,10 @@ class Mux:
         source = self._sources[index]
         return source.rank > 0 and not source.expired(now_ns) and source.rank >= self.lock_priority(now_ns)
 
-    def hear_lock(self, index: int, on: bool, now_ns: int) -> None:
-        """Takes a message of lock `index`, received now."""
+    def hear_lock(self, index: int, on: bool, received_ns: int) -> None:
+        """Takes a message of lock `index`."""
         lock = self._locks[index]
-        lock.heard_ns, lock.on = now_ns, on
+        lock.heard_ns, lock.on = received_ns, on
 
     def lock_priority(self, now_ns: int) -> int:
         """The highest priority of the locks that are on; 0 if none is."""
