@@ -6,7 +6,7 @@ to a node, while the graph starts or while it plays; SIGSTOP stands for a node t
 end       bringup.py ends within 60 s, and within 5 s more no process of it is left
 exit      a signal to bringup.py ends the match in good order (0; 1 before the match began; no exit code of its own where it
           was killed); one to a node is a failure (1 or 3); no traceback; stdout is empty or one JSON object. While Python
-          itself starts, before any of our code runs, a signal ends bringup.py as it ends every Python program
+          itself starts, before any of our code runs, a signal ends bringup.py and a node as it ends every Python program
 loss      every command that a listener of another process heard is in the recording, but for those of the last flush
           period (0.5 s) before the signal
 recording it is finished and verifies, or `recover` repairs it and the repaired one verifies
@@ -20,6 +20,7 @@ import argparse
 import contextlib
 import json
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -56,6 +57,7 @@ from measure.rows import read_rows, row_appender
 
 PROGRAM = "kills.py"
 LAUNCHER = "bringup"
+_OUR_FRAME = re.compile(rf'File "{re.escape(str(ROOT))}/(?!\.venv/|scripts/)|enter\(')
 TARGETS = {"many": (LAUNCHER, *NODES), "one": (LAUNCHER, "all nodes")}
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGKILL", "SIGSTOP")
 CONTROLLERS = ("subsumption", "uniform", "fbql_literal", "fbql_value", "fbql")
@@ -221,7 +223,6 @@ def _left_behind(bringup: Bringup) -> Iterator[str]:
 def _said(plan: Plan, bringup: Bringup) -> Iterator[str]:
     """What is wrong with the exit code and with what was printed."""
     code, stdout, stderr = bringup.popen.poll(), bringup.stdout, bringup.stderr
-    is_loaded = bringup.out.exists() or "enter(" in stderr or "KeyboardInterrupt" not in stderr
     if plan.target != LAUNCHER:
         right = code in (1, 3)
     elif plan.signal == "SIGKILL":
@@ -230,7 +231,7 @@ def _said(plan: Plan, bringup: Bringup) -> Iterator[str]:
         right = code in (0, 1) or (not bringup.out.exists() and code == -signal.Signals[plan.signal])
     if not right:
         yield f"exit code {code}"
-    if "Traceback" in stderr and is_loaded:
+    if "Traceback" in stderr and not is_python_starting(plan, stderr):
         yield f"a traceback: {stderr[-2000:]}"
     if plan.target != LAUNCHER and plan.target in NODES and plan.target not in stderr:
         yield f"the node is not named: {stderr[-300:]}"
@@ -239,6 +240,12 @@ def _said(plan: Plan, bringup: Bringup) -> Iterator[str]:
             yield f"stdout is not an object: {stdout[:200]}"
     except json.JSONDecodeError:
         yield f"stdout is not JSON: {stdout[:200]}"
+
+
+def is_python_starting(plan: Plan, stderr: str) -> bool:
+    """Whether Python was interrupted before any of our code ran: no file of ours is in its traceback, but perhaps the
+    script that was about to import it."""
+    return plan.phase == "start" and "KeyboardInterrupt" in stderr and not _OUR_FRAME.search(stderr)
 
 
 def _recording(out: Path, heard: Sequence[tuple[float, tuple[int, int]]], sent_s: float) -> dict[str, Any]:
