@@ -53,7 +53,11 @@ def test_misspelt_parameter_is_refused_naming_the_known_ones(refused, bench, nam
         ("simulator", "dt_s", "fast", "must be double, not string 'fast'"),
         ("simulator", "seed", "1.0", "must be integer, not double 1.0"),
         ("simulator", "max_steps", "[1, 2]", "must be integer, not integer_array [1, 2]"),
-        ("behavior", "tree_file", "5", "must be string, not integer 5"),
+        ("behavior", "tree_file", "5", "must be string, not integer 5; put it in quotes"),
+        (
+            *("behavior", "tree_file", "y"),
+            "must be string, not bool True; put it in quotes, without which YAML takes y, n, yes, no, on and off for bools",
+        ),
         ("fusion", "record", "1", "must be bool, not integer 1"),
         ("fusion", "behaviors", "wall_avoiding", "must be string_array, not string 'wall_avoiding'"),
         ("fusion", "behaviors", "[]", "must be string_array, not empty"),

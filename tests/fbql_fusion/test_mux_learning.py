@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from time import monotonic
 
 import numpy as np
@@ -21,6 +22,7 @@ from fbql_msgs.srv import SavePolicy
 from fbql_recording.run import open_run
 from mux_bench import OwnMux
 from mux_lockstep import LearningMux, file_of
+from places import ROOT
 from rail import play, session_of
 
 
@@ -61,6 +63,21 @@ def test_thirty_episodes_through_the_node_are_those_in_one_process_bit_by_bit_an
     }
     verified = verify_mux(recorded, lambda _: None)
     assert (verified.steps, verified.difference, verified.digest) == (len(expected), None, session.digest)
+
+
+def test_the_example_of_the_page_is_a_file_for_the_node(bench, tmp_path, monkeypatch):
+    """rcl reads YAML 1.1, where `y` is a bool."""
+    monkeypatch.chdir(tmp_path)
+    (text,) = [
+        each
+        for each in re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "mux.md").read_text(), re.DOTALL)
+        if "learn: true" in each
+    ]
+    mux = OwnMux(bench, tmp_path, f"/**/{text}")
+    assert [mux.node.get_parameter(f"observations.goal_{name}.field").value for name in ("distance", "bearing")] == [
+        "x",
+        "y",
+    ]
 
 
 def test_a_saved_policy_is_played_as_in_one_process_and_another_robots_is_refused_in_one_line(bench, tmp_path):

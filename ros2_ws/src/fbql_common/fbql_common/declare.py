@@ -145,6 +145,10 @@ def _declare[T](
 def _value_of(given: Parameter, kind: Any, where: str) -> Any:
     if given.type_ != _TYPES[kind]:
         hint = f"; write {given.value}.0" if kind is float and type(given.value) is int else ""
+        if kind is str and type(given.value) in (bool, int, float):
+            hint = "; put it in quotes"
+            if type(given.value) is bool:
+                hint += ", without which YAML takes y, n, yes, no, on and off for bools"
         what = "empty" if given.value is None else f"{given.type_.name.lower()} {given.value!r}"
         raise BadInput(f"{where}: parameter '{given.name}' must be {_TYPES[kind].name.lower()}, not {what}{hint}")
     return list(given.value) if kind == list[str] else given.value
