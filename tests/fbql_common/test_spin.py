@@ -86,6 +86,7 @@ def test_bad_input_is_one_line_and_exit_code_2(start_node, tmp_path):
         "'use_sim_time'": ("-p", "use_sim_time:=5"),
         "unknown ROS arguments: ['--nonsense']": ("--nonsense",),
         "broken.yaml": ("--params-file", str(broken)),
+        "absent.yaml: no such file": ("--params-file", str(tmp_path / "absent.yaml")),
         "Invalid topic name": ("-p", "name:=a b", "-p", "tree_file:={tree}"),
     }
     tree = str(shipped_tree("approaching"))

@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from errno import ENOENT
+from itertools import pairwise
 from pathlib import Path
 from time import monotonic
 from types import FrameType
@@ -26,6 +27,7 @@ from rclpy.utilities import remove_ros_args
 
 from fbql_common.core.errors import BadInput
 from fbql_common.core.text import one_line
+from fbql_common.files import unreadable
 from fbql_common.middleware import prepare_node
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
@@ -98,6 +100,7 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
     try:
         prepare_node(_say)
         _ensure_log_directory()
+        _require_parameter_files(words)
         rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
     except BadInput as error:
         return _fail(error)
@@ -124,6 +127,16 @@ def spin(make_nodes: Sequence[Callable[[], GraphNode]], args: Sequence[str] | No
         return _fail(str(error).strip().partition("\n")[0])
     finally:
         rclpy.try_shutdown()
+
+
+def _require_parameter_files(words: Sequence[str]) -> None:
+    """Raises BadInput for a parameter file that is not there: rcl's own message has the place in its source instead."""
+    for option, name in pairwise(words):
+        if option == "--params-file":
+            try:
+                Path(name).stat()
+            except OSError as error:
+                raise unreadable(Path(name), error) from None
 
 
 def _spin(executor: EventsExecutor, nodes: Sequence[GraphNode], signals: _Signals) -> int:
