@@ -91,6 +91,7 @@ def test_a_match_has_the_same_digest_installed_by_its_door_and_by_ros2_run(fbql:
         ("induce approaching --trials 2 --json", "leaves"),
         ("experiment paper --help", "--seeds"),
         ("lesson --help", "--check"),
+        ("bringup --help", "--watch"),
     ],
 )
 def test_a_command_that_needs_no_ros_works_without_it(fbql: Fbql, tmp_path: Path, words: str, shown: str) -> None:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.files import remedy, write_atomically
-from fbql_common.middleware import prepare_middleware
 from fbql_recording.core.columns import Recorded
 
 from fbql.cli.exit_codes import DONE, FAILED, INCOMPLETE
@@ -24,9 +23,6 @@ from fbql.cli.interrupts import Interrupted, Interrupts
 from fbql.cli.output import LiveLine, Unwritable, json_text, print_result
 from fbql.cli.parser import Parser
 from fbql.cli.places import command_text
-from fbql.graph.domains import domain_from
-from fbql.graph.launch import Mode
-from fbql.graph.supervision import BEFORE_THE_MATCH, Supervision
 from fbql.match.in_process import rehearse
 from fbql.match.options import (
     Match,
@@ -40,7 +36,8 @@ from fbql.match.options import (
 from fbql.match.result import Asked, next_steps, summary_text
 from fbql.watch.option import add_watch_option, require_way
 
-if TYPE_CHECKING:  # a match that nobody watches loads nothing of it
+if TYPE_CHECKING:  # the graph needs ROS, which --help does not; a match that nobody watches loads no view
+    from fbql.graph.supervision import Supervision
     from fbql.watch.view import View
 
 START_TIMEOUT_S = 30.0
@@ -110,6 +107,12 @@ def _prepare(arguments: argparse.Namespace, line: LiveLine, interrupts: Interrup
         if not low <= value <= high:
             raise BadInput(f"--{name.replace('_', '-')} is {value:g}, outside of [{low:g}, {high:g}]")
     require_way(arguments.watch)
+    from fbql_common.middleware import prepare_middleware
+
+    from fbql.graph.domains import domain_from
+    from fbql.graph.launch import Mode
+    from fbql.graph.supervision import BEFORE_THE_MATCH, Supervision
+
     prepare_middleware(line.complain)
     domain_id = domain_from()
     match = match_from(arguments)
