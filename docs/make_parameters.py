@@ -70,7 +70,8 @@ SECTIONS = (
     Section(
         "Fusion and learning",
         "Node `fusion`. [deviations.md](deviations.md) lists which of these the paper leaves open. Your own controller may "
-        "have further ones.",
+        "have further ones. Where neither `controller` nor `preset` is given, commands and node play `fbql`; where neither "
+        "`goals` nor `episodes` is, they play until 10 goals are scored.",
         FusionParameters,
     ),
     Section("The mux", "Node `twist_mux`. [mux.md](mux.md) explains them.", MuxParameters),

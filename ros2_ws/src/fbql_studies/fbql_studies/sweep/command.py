@@ -1,4 +1,4 @@
-"""Plays controllers and parameters over several values, each with the same seeds, and compares them. It resumes where it stopped."""
+"""Play controllers and parameters over several values, each with the same seeds, and compare them. It resumes where it stopped."""
 
 from __future__ import annotations
 
