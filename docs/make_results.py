@@ -7,6 +7,8 @@ python docs/make_results.py [STUDY_DIRECTORY ...]
 A study directory (runs/study-paper, runs/study-ladder, ...) is first copied into docs/data: its table and options as
 STUDY.json, the numbers behind its figures as STUDY_curves.json; figures that need every task's result are copied into
 docs/images. Each study then gets its own page, docs/results/STUDY.md, which contains nothing written by hand.
+docs/data/measurements.json lists every measurement that was taken so far, so that a page says how often its tree sets and
+run seeds were measured on.
 
 In these pages a generated block stands between a comment and `<!-- end -->`:
 
@@ -36,6 +38,7 @@ IMAGES = HERE / "images"
 RESULTS = HERE / "results"
 PAGES = (HERE / "fusion.md", HERE / "trees.md", HERE / "imagination.md")
 PLACE = re.compile(r"(<!-- (table|figure): (\w+): ([^|>]+?)((?: \| \w+: [^|>]+?)*) -->\n).*?(<!-- end -->)", re.DOTALL)
+MEASUREMENTS = "measurements.json"
 KEPT = ("table", "columns", "options", "git_revision", "tasks", "done", "failed")
 
 
@@ -45,11 +48,67 @@ def take(directory: Path) -> None:
     found = json.loads((directory / "table.json").read_text())
     kept = {name: found[name] for name in KEPT}
     write_atomically(DATA / f"{study}.json", f"{json.dumps(kept, indent=1)}\n".encode())
+    _note_measurement(study, kept)
     if (directory / "curves.json").exists():
         write_atomically(DATA / f"{study}_curves.json", (directory / "curves.json").read_bytes())
     else:
         for figure in directory.glob("*.svg"):
             write_atomically(IMAGES / figure.name, figure.read_bytes())
+
+
+def _note_measurement(study: str, new: dict[str, Any]) -> None:
+    """Adds a measurement to the list, unless it is the one that was taken last."""
+    fbql = next((row for row in new["table"] if row.get("method") == "fbql"), {})
+    options, own = new["options"], getattr(study_of(study), "SEEDS", (None, None))
+    entry = {
+        "study": study,
+        "first_trees": options.get("first_trees", own[0]),
+        "first_seed": options.get("first_seed", own[1]),
+        "git_revision": new["git_revision"],
+        "fbql_cost_per_goal": fbql.get("cost_per_goal"),
+    }
+    every = _measurements()
+    if [each for each in every if each["study"] == study][-1:] != [entry]:
+        write_atomically(DATA / MEASUREMENTS, f"{json.dumps([*every, entry], indent=1)}\n".encode())
+
+
+def _measurements() -> list[dict[str, Any]]:
+    """Every measurement that was taken, in order."""
+    path = DATA / MEASUREMENTS
+    return json.loads(path.read_text()) if path.exists() else []
+
+
+def how_often(study: str) -> str:
+    """How often a study, and others, were measured on the tree sets and run seeds of its latest measurement; "" if it has
+    none."""
+    every = _measurements()
+    own = [each for each in every if each["study"] == study]
+    if not own:
+        return ""
+    sets = [(each["first_trees"], each["first_seed"]) for each in own]
+    on_same = [each for each, its in zip(own, sets, strict=True) if its == sets[-1]]
+    if sets[-1] == (None, None):
+        return f"Measured {_times(len(on_same))}."
+    text = (
+        f"Measured {_times(len(on_same))} on these tree sets and run seeds (from demonstration seed {sets[-1][0]} and run "
+        f"seed {sets[-1][1]} on)"
+    )
+    costs = [each["fbql_cost_per_goal"] for each in on_same]
+    if len(on_same) > 1 and None not in costs:
+        text += f", with fbql's cost/goal at {', '.join(f'{cost:.0f}' for cost in costs)}"
+    others = [
+        each["study"]
+        for each in every
+        if (each["first_trees"], each["first_seed"]) == sets[-1] and each["study"] != study
+    ]
+    for other in dict.fromkeys(others):
+        text += f"; `{other}` was measured on them {_times(others.count(other))}"
+    repeated = len(on_same) + len(others) > 1
+    return f"{text}.{' What was changed in between may fit them.' if repeated else ''}"
+
+
+def _times(count: int) -> str:
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
 def results_page(study: str) -> str:
@@ -62,6 +121,7 @@ def results_page(study: str) -> str:
         f"```\n{_command(study, data)}\n```",
         f"Measured at revision {data['git_revision']}. Written by `docs/make_results.py` from "
         f"[{study}.json](../data/{study}.json), which describes every column.",
+        *filter(None, [how_often(study)]),
     ]
     parts += [f"## {_capitalized(title)}\n\n{as_markdown(table)}" for title, table in _tables(study, data).items()]
     if module.CAPTIONS:

@@ -104,6 +104,52 @@ def test_a_study_is_taken_without_the_places_of_the_machine_that_it_ran_on(
     assert (tmp_path / "DATA" / "ladder_curves.json").read_text() == "{}"
 
 
+def measured(cost: float, revision: str = "1" * 40) -> dict[str, Any]:
+    table = [{"method": "subsumption, tuned"}, {"method": "fbql", "cost_per_goal": cost}]
+    kept = {"table": table, "columns": {}, "git_revision": revision, "tasks": 1, "done": 1, "failed": {}}
+    return {**kept, "options": {"first_trees": 1001, "first_seed": 1000}}
+
+
+def test_a_study_that_is_measured_again_on_the_same_sets_says_how_often(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    functions = generator()["take"].__globals__
+    for name in ("DATA", "IMAGES"):
+        (tmp_path / name).mkdir()
+        monkeypatch.setitem(functions, name, tmp_path / name)
+
+    def take(study: str, found: dict[str, Any]) -> str:
+        (tmp_path / "config.json").write_text(json.dumps({"study": study}))
+        (tmp_path / "table.json").write_text(json.dumps(found))
+        functions["take"](tmp_path)
+        return functions["how_often"](study)
+
+    once = take("ladder", measured(400.0))
+    assert once == (
+        "Measured once on these tree sets and run seeds (from demonstration seed 1001 and run seed 1000 on)."
+    )
+    assert take("ladder", measured(400.0)) == once, "the same table was only written again"
+    again = take("ladder", measured(300.0))
+    assert again.startswith("Measured twice on these tree sets and run seeds")
+    assert "with fbql's cost/goal at 400, 300. What was changed in between may fit them." in again
+    assert "; `ladder` was measured on them twice. What was changed" in take("paper", measured(700.0))
+    fresh = {**measured(310.0), "options": {"first_trees": 1031, "first_seed": 40_000}}
+    assert take("ladder", fresh).startswith("Measured once on these")
+    assert functions["how_often"]("sensitivity") == ""
+    assert again != once
+    assert functions["results_page"]("ladder").count("Measured once on these tree sets") == 1
+
+
+@pytest.mark.parametrize("study", MEASURED)
+def test_the_latest_measurement_of_a_study_is_the_one_that_its_page_shows(study: str) -> None:
+    data = json.loads((DOCS / "data" / f"{study}.json").read_text())
+    listed = json.loads((DOCS / "data" / "measurements.json").read_text())
+    last = [each for each in listed if each["study"] == study][-1]
+    assert last["git_revision"] == data["git_revision"]
+    fbql = next((row for row in data["table"] if row.get("method") == "fbql"), {})
+    assert last["fbql_cost_per_goal"] == fbql.get("cost_per_goal")
+
+
 def test_a_full_disk_leaves_what_was_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     functions = generator()["take"].__globals__
     monkeypatch.setitem(functions, "DATA", tmp_path)

@@ -77,10 +77,10 @@ def add_max_steps(parser: ArgumentParser) -> None:
     add_count(parser, "--max-steps", SimulationParameters().max_steps, "steps after which an episode is truncated")
 
 
-def add_first_seeds(parser: ArgumentParser) -> None:
-    """Adds the options for tree sets and run seeds that an earlier measurement did not use."""
-    add_count(parser, "--first-trees", FIRST_TREE_SEED, "demonstration seed of the first tree set")
-    add_count(parser, "--first-seed", FIRST_RUN_SEED, "run seed of the first run")
+def add_first_seeds(parser: ArgumentParser, first_tree: int = FIRST_TREE_SEED, first_run: int = FIRST_RUN_SEED) -> None:
+    """Adds the options, with these defaults, for tree sets and run seeds that an earlier measurement did not use."""
+    add_count(parser, "--first-trees", first_tree, "demonstration seed of the first tree set")
+    add_count(parser, "--first-seed", first_run, "run seed of the first run")
 
 
 def check_first_seeds(options: Namespace) -> None:

@@ -19,8 +19,11 @@ from fbql_studies.common.methods import FBQL, SENSED, SENSED_CRITIC
 from fbql_studies.common.play import Score, score_of
 from fbql_studies.common.tuning import TUNING_SEED
 from fbql_studies.peers import tabular
+from fbql_studies.peers.choice_env import ChoiceEnv
 from fbql_studies.peers.course import Course
+from fbql_studies.peers.fair_ppo import STEPS, FairPpo, of_setting
 from fbql_studies.peers.play import Act, score_in
+from fbql_studies.peers.ppo_settings import SETTINGS
 from fbql_studies.peers.team_env import BlendEnv, SelectionEnv
 from fbql_studies.peers.wheels import wheels_env
 
@@ -37,8 +40,8 @@ CONTROLLERS: dict[str, tuple[str, Mapping[str, Any]]] = {
     SENSED: (FBQL, SENSED_CRITIC),
 }
 """Method -> its controller, and the parameters that differ from its defaults."""
-NEED_PPO = (PPO_BLEND, PPO_WHEELS, PPO_SHAPED)
-LEARNERS = (TABULAR, PPO_BLEND, PPO_WHEELS, PPO_SHAPED, *CONTROLLERS)
+NEED_PPO = (PPO_BLEND, PPO_WHEELS, PPO_SHAPED, *STEPS)
+LEARNERS = (TABULAR, *NEED_PPO, *CONTROLLERS)
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,14 @@ def learn(method: str, plan: TrainingPlan) -> Learned:
         return _tabular(plan)
     if method in CONTROLLERS:
         return _session(*CONTROLLERS[method], plan)
+    if method in STEPS:
+        return _fair_ppo(STEPS[method], plan)
     return _ppo(method, plan)
+
+
+def learn_setting(number: int, informed: bool, plan: TrainingPlan) -> Learned:
+    """Trains PPO with one of the settings that are tried, and plays it frozen."""
+    return _fair_ppo(of_setting(number, informed), plan)
 
 
 def _tabular(plan: TrainingPlan) -> Learned:
@@ -82,14 +92,14 @@ def _tabular(plan: TrainingPlan) -> Learned:
     q, course = tabular.train(env, plan.budget, plan.training_seed, parameters)
     seconds = process_time() - begun_s
     ways = {"greedy": 0.0, "epsilon": parameters.epsilon_end}
-    acts = {name: partial(tabular.acts_by, q, epsilon) for name, epsilon in ways.items()}
-    return _played(env, acts, course, seconds, plan)
+    acts = {name: (env, partial(tabular.acts_by, q, epsilon)) for name, epsilon in ways.items()}
+    return _played(acts, course, seconds, plan)
 
 
 def _ppo(method: str, plan: TrainingPlan) -> Learned:
     from fbql_studies.peers import ppo  # an optional extra
 
-    parameters = ppo.SETTINGS["blend" if method == PPO_BLEND else "wheels"]
+    parameters = SETTINGS["blend" if method == PPO_BLEND else "wheels"]
 
     def make() -> Any:
         if method == PPO_BLEND:
@@ -99,17 +109,50 @@ def _ppo(method: str, plan: TrainingPlan) -> Learned:
     begun_s = process_time()
     model, course = ppo.train(make, plan.budget, plan.training_seed, parameters)
     seconds = process_time() - begun_s
-    acts = {name: partial(ppo.acts_by, model, name == "drawn") for name in ("mean", "drawn")}
-    return _played(make(), acts, course, seconds, plan)
+    env = make()
+    acts = {name: (env, partial(ppo.acts_by, model, name == "drawn")) for name in ("mean", "drawn")}
+    return _played(acts, course, seconds, plan)
+
+
+def _fair_ppo(fair: FairPpo, plan: TrainingPlan) -> Learned:
+    from fbql_studies.peers import ppo  # an optional extra
+
+    def make(hold_steps: int) -> ChoiceEnv:
+        return ChoiceEnv(
+            plan.behaviors,
+            selects=fair.selects,
+            mirrors=fair.mirrors,
+            informed=fair.informed,
+            hold_steps=hold_steps,
+            reward_collision=FusionParameters().fbql_reward_collision,
+        )
+
+    parameters = fair.parameters
+    begun_s = process_time()
+    model, course = ppo.train(lambda: make(parameters.hold_steps), plan.budget, plan.training_seed, parameters)
+    seconds = process_time() - begun_s
+    acts = {
+        f"{name} for {hold} steps" if len(fair.play_holds) > 1 else name: (
+            make(hold),
+            partial(ppo.acts_by, model, name == "drawn"),
+        )
+        for hold in fair.play_holds
+        for name in ("best" if fair.selects else "mean", "drawn")
+    }
+    return _played(acts, course, seconds, plan)
 
 
 def _played(
-    env: WheelsEnv, acts: dict[str, Callable[[int], Act]], course: Course, seconds: float, plan: TrainingPlan
+    acts: dict[str, tuple[WheelsEnv, Callable[[int], Act]]], course: Course, seconds: float, plan: TrainingPlan
 ) -> Learned:
     """Plays in the way with the least cost on training episodes; the first of equal ones."""
-    way = min(acts, key=lambda name: score_in(env, acts[name](TUNING_SEED), TUNING_SEED, CHOOSING_EPISODES).cost)
-    score = score_in(env, acts[way](plan.evaluation_seed), plan.evaluation_seed, plan.episodes)
-    return Learned(score, course, way, seconds)
+
+    def score(way: str, seed: int, episodes: int) -> Score:
+        env, act = acts[way]
+        return score_in(env, act(seed), seed, episodes)
+
+    way = min(acts, key=lambda each: score(each, TUNING_SEED, CHOOSING_EPISODES).cost)
+    return Learned(score(way, plan.evaluation_seed, plan.episodes), course, way, seconds)
 
 
 def _session(controller: str, changes: Mapping[str, Any], plan: TrainingPlan) -> Learned:

@@ -7,44 +7,59 @@ don't fight for cores.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import DummyVecEnv
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import MlpExtractor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecNormalize
 
 from fbql_studies.peers.course import Course
+from fbql_studies.peers.ppo_settings import PpoParameters
 
 MakeEnv = Callable[[], gymnasium.Env[Any, Any]]
 FOREVER = 2**62
 
 
-@dataclass(frozen=True)
-class PpoParameters:
-    """Settings of PPO; the rest are Stable-Baselines3's defaults."""
+class _Parts(torch.nn.Module):
+    """The hidden layers of an actor that does not see the last inputs, and of a critic that sees them all."""
 
-    hold_steps: int
-    """Steps of the simulator that an action is held for."""
-    environments: int = 8
-    decisions: int = 256
-    """Decisions of each environment between two updates."""
-    batch: int = 256
-    epochs: int = 10
-    learning_rate: float = 3e-4
-    discount: float = 0.999
-    """Per step of the simulator."""
-    entropy: float = 0.003
-    log_std_init: float = 0.0
+    def __init__(
+        self, sensed: int, inputs: int, layers: dict[str, list[int]], activation: type[torch.nn.Module]
+    ) -> None:
+        super().__init__()
+        self._sensed = sensed
+        self.actor = MlpExtractor(sensed, {"pi": layers["pi"], "vf": []}, activation)
+        self.critic = MlpExtractor(inputs, {"pi": [], "vf": layers["vf"]}, activation)
+        self.latent_dim_pi, self.latent_dim_vf = self.actor.latent_dim_pi, self.critic.latent_dim_vf
+
+    def forward(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        return self.forward_actor(features), self.forward_critic(features)
+
+    def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
+        return self.actor.forward_actor(features[:, : self._sensed])
+
+    def forward_critic(self, features: torch.Tensor) -> torch.Tensor:
+        return self.critic.forward_critic(features)
 
 
-SETTINGS = {
-    "blend": PpoParameters(hold_steps=10, decisions=128),
-    "wheels": PpoParameters(hold_steps=8, discount=0.9975),
-}
-"""Chosen on tuning seeds and on the shipped trees."""
+class InformedCritic(ActorCriticPolicy):
+    """A policy whose critic is asymmetric (Pinto et al. 2018, arXiv 1710.06542): it alone sees the last inputs.
+
+    Args:
+        critic_only: how many these are.
+    """
+
+    def __init__(self, *arguments: Any, critic_only: int, **more: Any) -> None:
+        self._critic_only = critic_only
+        super().__init__(*arguments, **more)
+
+    def _build_mlp_extractor(self) -> None:
+        inputs = self.features_dim
+        self.mlp_extractor = _Parts(inputs - self._critic_only, inputs, self.net_arch, self.activation_fn)  # type: ignore[assignment,arg-type]
 
 
 class _Count(BaseCallback):
@@ -64,16 +79,25 @@ def train(make_env: MakeEnv, budget: int, seed: int, parameters: PpoParameters) 
     """Learns until the budget of simulated steps is used up."""
     torch.set_num_threads(1)
     course = Course(budget, parameters.environments)
+    environments: VecEnv = DummyVecEnv([make_env] * parameters.environments)
+    critic_only: int = getattr(environments.envs[0], "critic_only", 0)  # type: ignore[attr-defined]  # of a DummyVecEnv
+    discount = parameters.discount**parameters.hold_steps
+    if parameters.scales_rewards:
+        environments = VecNormalize(environments, norm_obs=False, gamma=discount)
+    layers = list(parameters.layers)
+    kwargs: dict[str, Any] = {"log_std_init": parameters.log_std_init, "net_arch": {"pi": layers, "vf": layers}}
     model = PPO(
-        "MlpPolicy",
-        DummyVecEnv([make_env] * parameters.environments),
+        InformedCritic if critic_only else "MlpPolicy",
+        environments,
         n_steps=parameters.decisions,
         batch_size=parameters.batch,
         n_epochs=parameters.epochs,
         learning_rate=parameters.learning_rate,
-        gamma=parameters.discount**parameters.hold_steps,
+        gamma=discount,
+        gae_lambda=parameters.trace,
+        clip_range=parameters.clip,
         ent_coef=parameters.entropy,
-        policy_kwargs={"log_std_init": parameters.log_std_init},
+        policy_kwargs=kwargs | ({"critic_only": critic_only} if critic_only else {}),
         seed=seed,
         device="cpu",
     )

@@ -12,7 +12,7 @@ same. They see what the behaviors sense, and nothing else of the field.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import cos, exp, sin
+from math import exp
 from typing import Any
 
 import gymnasium
@@ -21,12 +21,14 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.errors import BadInput
-from fbql_common.core.field import MAX_WHEEL_RAD_S, WHEELS
+from fbql_common.core.field import WHEELS
 from fbql_common.core.types import BehaviorOutput, World
 from fbql_fusion.core.blending import blend
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_sim.gymnasium_env import Drive, WheelsEnv, numbers_of
 from numpy.typing import NDArray
+
+from fbql_studies.peers.senses import Senses
 
 BLEND_ID, SELECTION_ID = "fbql/Blend-v0", "fbql/Selection-v0"
 SHARPNESS = 4.0
@@ -70,8 +72,7 @@ class BlendEnv(TeamEnv):
 
     Action: float32 [n]. `logits`: in -1 .. 1, weights = softmax(SHARPNESS * action). `weights`: in 0 .. 1, divided by their
     sum; all 0 weigh the same.
-    Observation: float32, for each behavior: every feature that it senses (an angle as sine and cosine, another one scaled to
-    -1 .. 1 over its root range), its reference as a share of full velocity, and its leaf, one-hot.
+    Observation: float32, see `Senses`.
 
     Raises BadInput for an unknown kind of action.
     """
@@ -82,12 +83,8 @@ class BlendEnv(TeamEnv):
         super().__init__(behaviors, **parameters)
         self._logits = action == "logits"
         self.action_space = gymnasium.spaces.Box(-1.0 if self._logits else 0.0, 1.0, (len(self.behaviors),), np.float32)
-        features = [feature for behavior in self.behaviors for feature in behavior.tree.features]
-        dense = sum(2 if feature.unit == "rad" else 1 for feature in features) + 2 * len(self.behaviors)
-        leaves = [behavior.tree.leaf_count for behavior in self.behaviors]
-        self._first_leaf = [dense + sum(leaves[:i]) for i in range(len(leaves))]
-        self._width = dense + sum(leaves)
-        self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self._width,), np.float32)
+        self._senses = Senses(self.behaviors, references=True, mirror=False)
+        self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self._senses.width,), np.float32)
 
     def driver(self, action: Any) -> Drive:
         """Drives by the weights that the action stands for."""
@@ -105,21 +102,7 @@ class BlendEnv(TeamEnv):
 
     def observe(self, world: World) -> NDArray[np.float32]:
         """What the behaviors sense and answer."""
-        outputs = self.hear(world)
-        dense: list[float] = []
-        for behavior, output in zip(self.behaviors, outputs, strict=True):
-            for feature, value in zip(behavior.tree.features, output.observation, strict=True):
-                if feature.unit == "rad":
-                    dense += (sin(value), cos(value))
-                else:
-                    share = (value - feature.low) / (feature.high - feature.low)
-                    dense.append(2.0 * min(max(share, 0.0), 1.0) - 1.0)
-            dense += (output.left_rad_s / MAX_WHEEL_RAD_S, output.right_rad_s / MAX_WHEEL_RAD_S)
-        seen = np.zeros(self._width, np.float32)
-        seen[: len(dense)] = dense
-        for first, output in zip(self._first_leaf, outputs, strict=True):
-            seen[first + output.leaf_id] = 1.0
-        return seen
+        return self._senses.of(self.hear(world))
 
 
 class SelectionEnv(TeamEnv):
@@ -135,16 +118,22 @@ class SelectionEnv(TeamEnv):
 
     def driver(self, action: Any) -> Drive:
         """Drives by the answers of one behavior. Raises ValueError if the action is not the index of one."""
-        index, n = np.asarray(action), len(self.behaviors)
-        if index.shape != () or index.dtype.kind not in "iu" or not 0 <= index < n:
-            raise ValueError(
-                f"an action is the index of a behavior, 0 .. {n - 1}, not {' '.join(str(action)[:40].split())}"
-            )
+        index = chosen(action, len(self.behaviors))
         return self.blended([1.0 if i == index else 0.0 for i in range(len(self.behaviors))])
 
     def observe(self, world: World) -> NDArray[np.int64]:
         """The joint state."""
         return np.array([output.leaf_id for output in self.hear(world)], np.int64)
+
+
+def chosen(action: Any, n: int) -> int:
+    """The index of a behavior that an action is. Raises ValueError for anything else."""
+    index = np.asarray(action)
+    if index.shape != () or index.dtype.kind not in "iu" or not 0 <= index < n:
+        raise ValueError(
+            f"an action is the index of a behavior, 0 .. {n - 1}, not {' '.join(str(action)[:40].split())}"
+        )
+    return int(index)
 
 
 def shipped_behaviors() -> list[Behavior]:
