@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ import pytest
 pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements/test.txt")
 
 from fbql_studies.common.methods import FBQL
-from fbql_studies.common.tuning import grid
+from fbql_studies.common.play import Score
+from fbql_studies.common.tuning import TUNING_SEED, grid
+from fbql_studies.peers import learners
 from fbql_studies.peers.controls import Controls
 from fbql_studies.peers.course import SLICES, Course
 from fbql_studies.peers.learners import FBQL_LITERAL, PPO_BLEND, TABULAR, TrainingPlan, learn
@@ -108,6 +111,24 @@ def test_a_learner_trains_for_its_budget_and_plays_frozen_on_the_evaluation(
         found[1].played,
         found[1].course.slices(),
     )
+
+
+@pytest.mark.parametrize(("episodes", "choosing"), [(2, 2), (100, 20)])
+def test_the_cheapest_way_to_play_is_chosen_on_training_episodes_and_then_judged_on_others(
+    episodes: int, choosing: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[str, int, int]] = []
+
+    def played(_env: object, way: str, seed: int, count: int) -> Score:
+        asked.append((way, seed, count))
+        return Score(count, count, 0, 0, {"slow": 9, "fast": 5}[way] * count, 0, 0)
+
+    monkeypatch.setattr(learners, "score_in", played)
+    acts: dict[str, Any] = {way: (None, lambda _seed, way=way: way) for way in ("slow", "fast")}
+    plan = TrainingPlan([], 1, training_seed=50, evaluation_seed=1050, episodes=episodes)
+    found = learners._played(acts, Course(1), 0.0, plan)
+    assert asked == [("slow", TUNING_SEED, choosing), ("fast", TUNING_SEED, choosing), ("fast", 1050, episodes)]
+    assert (found.played, found.score.steps) == ("fast", 5 * episodes)
 
 
 def test_ppo_trains_for_its_budget_and_repeats(monkeypatch: pytest.MonkeyPatch) -> None:

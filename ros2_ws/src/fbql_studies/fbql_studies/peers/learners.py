@@ -30,7 +30,7 @@ from fbql_studies.peers.wheels import wheels_env
 REWARD_COLLISION = -0.3
 """The peers' reward for a collision: the printed -5 is ruinous for learners. FBQL has its own parameter."""
 CHOOSING_EPISODES = 20
-"""Training episodes on which the way to play a policy is chosen."""
+"""Training episodes on which the way to play a policy is chosen, or fewer if it is then judged on fewer."""
 TABULAR = "tabular Q, one behavior"
 PPO_BLEND, PPO_WHEELS, PPO_SHAPED = "ppo, blend weights", "ppo, raw wheels", "ppo, raw wheels, shaped"
 FBQL_LITERAL = "fbql literal"
@@ -151,7 +151,8 @@ def _played(
         env, act = acts[way]
         return score_in(env, act(seed), seed, episodes)
 
-    way = min(acts, key=lambda each: score(each, TUNING_SEED, CHOOSING_EPISODES).cost)
+    choosing = min(CHOOSING_EPISODES, plan.episodes)
+    way = min(acts, key=lambda each: score(each, TUNING_SEED, choosing).cost)
     return Learned(score(way, plan.evaluation_seed, plan.episodes), course, way, seconds)
 
 

@@ -89,6 +89,7 @@ STUDIES: dict[str, str] = {
     name: f"fbql_studies.{name}.study"
     for name in (
         "ablation",
+        "blending",
         "imagination",
         "ladder",
         "law",
