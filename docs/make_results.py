@@ -88,7 +88,8 @@ def how_often(study: str) -> str:
     sets = [(each["first_trees"], each["first_seed"]) for each in own]
     on_same = [each for each, its in zip(own, sets, strict=True) if its == sets[-1]]
     if sets[-1] == (None, None):
-        return f"Measured {_times(len(on_same))}."
+        again = " on the same seeds" if len(on_same) > 1 else ""
+        return f"Measured {_times(len(on_same))}{again}."
     text = (
         f"Measured {_times(len(on_same))} on these tree sets and run seeds (from demonstration seed {sets[-1][0]} and run "
         f"seed {sets[-1][1]} on)"
