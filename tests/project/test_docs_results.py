@@ -137,6 +137,7 @@ def test_a_study_that_is_measured_again_on_the_same_sets_says_how_often(
     assert take("ladder", fresh).startswith("Measured once on these")
     assert functions["how_often"]("sensitivity") == ""
     assert again != once
+    monkeypatch.setitem(functions, "_tables", lambda _study, _data: {})
     assert functions["results_page"]("ladder").count("Measured once on these tree sets") == 1
 
 
