@@ -9,13 +9,15 @@ from time import monotonic
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fbql.replay.mux_verification import verify_mux
 from fbql_common.core.errors import BadInput
 from fbql_common.core.mux_types import MuxDecision, RobotOutcome
-from fbql_common.core.topic_names import DECISION
+from fbql_common.core.topic_names import DECISION, DIAGNOSTICS, OUTCOME
 from fbql_common.core.twist import Twist
-from fbql_common.qos import STEP_QOS
+from fbql_common.qos import POSE_QOS, STEP_QOS
 from fbql_common.wire import MESSAGES, decode_mux_decision, encode_number, encode_twist
+from fbql_fusion.core.mux.learned import KNOWN_LOOKS
 from fbql_fusion.policy_storage import load_policy, save_policy
 from fbql_fusion.twist_mux_node import TwistMuxNode
 from fbql_msgs.srv import SavePolicy
@@ -78,6 +80,35 @@ def test_the_example_of_the_page_is_a_file_for_the_node(bench, tmp_path, monkeyp
         "x",
         "y",
     ]
+
+
+def test_where_those_who_told_outcomes_have_gone_it_is_said_and_the_run_is_still_recomputed(bench, tmp_path):
+    run = tmp_path / "run"
+    mux = LearningMux(bench, tmp_path, file_of(), "-p", "record:=true", "-p", f"run_directory:={run}")
+    said = []
+    mux.partner.create_subscription(DiagnosticArray, DIAGNOSTICS, lambda message: said.append(message.status[0]), POSE_QOS)  # fmt: skip
+    mux.play(1)
+    bench.until(lambda: mux.node._learning.mux._looks >= KNOWN_LOOKS, "the publisher to be known")
+    for _ in range(3):
+        mux.let_time_pass()
+    mux.partner.destroy_publisher(mux._outcome)
+    bench.until_said(
+        f"{bench.namespace}/outcome: nobody publishes outcomes any more, nothing is learned; the episode ends as truncated"
+    )
+    mux.let_time_pass(decisions=2)
+    mux.let_time_pass()
+    found = [(d.episode, d.step, d.truncated, d.degraded) for d in mux.decisions[-3:]]
+    assert found == [(1, 4, True, True), (2, 0, False, False), (2, 2, False, True)]
+    problem = "nobody publishes outcomes any more, nothing is learned"
+    bench.until(lambda: said and said[-1].message.startswith(f"{problem}: "), "the diagnostics to say so")
+    assert said[-1].level == DiagnosticStatus.WARN
+    assert {pair.key: pair.value for pair in said[-1].values}["outcome"] == problem
+    mux._outcome = mux.partner.create_publisher(MESSAGES[RobotOutcome], OUTCOME, STEP_QOS)
+    bench.until_said(f"{bench.namespace}/outcome: somebody publishes again")
+    mux.let_time_pass(decisions=2)
+    mux.play(2)
+    bench.remove(mux.node)
+    assert verify_mux(open_run(run), lambda _: None)[:2] == (len(mux.decisions), None)
 
 
 def test_a_saved_policy_is_played_as_in_one_process_and_another_robots_is_refused_in_one_line(bench, tmp_path):

@@ -33,12 +33,13 @@ VALUES: dict[str, Any] = {
 }
 
 
-def record_rail(path: Path, episodes: int = 25, **changes: Any) -> Path:
-    """Plays and records episodes; the second source is silent now and then. Returns the run directory."""
+def record_rail(path: Path, episodes: int = 25, silent: range = range(0), **changes: Any) -> Path:
+    """Plays and records episodes; the second source is silent now and then, and during the periods `silent` nobody tells outcomes.
+    Returns the run directory."""
     description = description_of({**VALUES, "run_directory": str(path), **changes}, "test")
     policy = load_policy(Path(description.learned.policy)) if description.learned.policy else None
     session = session_of(description, policy)
-    learned = LearnedMux(Mux(description.config), session, description.robot, 100, 60.0)
+    learned = LearnedMux(Mux(description.config), session, description.robot, 100, description.learned.segment_s)
     learned.has_episodes = True
     said: list[str] = []
     recorder = MuxRecorder(description, session, lambda topic: f"/{topic}", said.append)
@@ -53,7 +54,12 @@ def record_rail(path: Path, episodes: int = 25, **changes: Any) -> Path:
             for index, speed in enumerate(SOURCES.values()):
                 if index == 0 or now_ns // PERIOD_NS % 7 > 3:
                     learned.hear(index, Twist(speed), now_ns)
-            learned.hear_outcome(RobotOutcome(now_ns, *result))
+            is_silent = now_ns // PERIOD_NS in silent
+            learned.look(0 if is_silent else 1, 0)
+            if not is_silent:
+                learned.hear_outcome(RobotOutcome(now_ns, *result))
+            elif result.terminated or result.truncated:
+                rail.reset(episode)
             for ticked in learned.tick(at(now_ns, now_ns)):
                 decision = ticked.decision
                 recorder.record_command(encode_twist(Twist(decision.command[0])), now_ns)

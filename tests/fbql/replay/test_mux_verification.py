@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import random
@@ -53,6 +54,17 @@ def test_every_controller_is_recomputed_bit_by_bit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], changes: dict[str, Any]
 ) -> None:
     is_identical(record_rail(tmp_path / "run", **changes), capsys)
+
+
+def test_episodes_of_which_nobody_told_the_outcome_are_recomputed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = record_rail(tmp_path / "run", silent=range(40, 120), segment_s=2.0)
+    is_identical(run, capsys)
+    decisions = [decode_mux_decision(message.data) for message in open_run(run).messages([DECISION])]
+    left_out = [b for a, b in itertools.pairwise(decisions) if b.episode == a.episode and b.step == a.step + 2]
+    assert len(left_out) > 2
+    assert all(each.degraded for each in left_out)
 
 
 def test_a_run_that_learns_and_one_that_starts_from_its_policy_are_recomputed(

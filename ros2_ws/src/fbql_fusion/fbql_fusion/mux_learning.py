@@ -152,10 +152,23 @@ class MuxLearning:
                 self.run.close()
             self._node.finish(0 if self.run is None else self.run.exit_code())
 
+    @property
+    def untold(self) -> str:
+        """What is the matter where those who published outcomes have gone; empty if nothing is."""
+        if not self.mux.is_lost:
+            return ""
+        then = f"only rewards on {self._rewards.topic} are learned from" if self.mux.is_told else "nothing is learned"
+        return f"nobody publishes outcomes any more, {then}"
+
     def _look(self) -> None:
-        """Notices publishers of outcomes, which will say when episodes end, and a clock or an observation that does not arrive."""
-        if not self.mux.has_episodes:
-            self.mux.has_episodes = self._outcomes.publishers() > 0
+        """Notices publishers of outcomes, which say when episodes end, and a clock or an observation that does not arrive."""
+        was_told = self.mux.is_told
+        if self.mux.look(self._outcomes.publishers(), self._rewards.publishers()):
+            self._node.get_logger().warning(
+                one_line(f"{self._outcomes.topic}: {self.untold}; the episode ends as truncated")
+            )
+        elif self.mux.is_told and not was_told:
+            self._node.get_logger().info(one_line(f"{self._outcomes.topic}: somebody publishes again"))
         for each in (self._outcomes, self._rewards):
             each.check_types()
         if self._now_ns() == 0:

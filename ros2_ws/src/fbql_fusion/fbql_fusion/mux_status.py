@@ -13,12 +13,15 @@ from fbql_fusion.core.mux.mux import LockState, Snapshot, SourceState
 _NS = 1e9
 
 
-def diagnostics_of(node: str, snapshot: Snapshot, dropped: Sequence[int], stamp: Time) -> DiagnosticArray:
+def diagnostics_of(
+    node: str, snapshot: Snapshot, dropped: Sequence[int], stamp: Time, problem: str = ""
+) -> DiagnosticArray:
     """The status of a mux.
 
     Args:
         node: the node's name.
         dropped: how many messages of each source were dropped.
+        problem: what keeps the mux from learning; empty if nothing does.
     """
     driver = None if snapshot.driver is None else snapshot.sources[snapshot.driver]
     values = {
@@ -28,11 +31,13 @@ def diagnostics_of(node: str, snapshot: Snapshot, dropped: Sequence[int], stamp:
         "data age in [sec]": "" if driver is None or driver.age_ns is None else f"{driver.age_ns / _NS:.3f}",
         "driver": "" if driver is None else driver.source.name,
         **_dropped_texts(snapshot, dropped),
+        **({"outcome": problem} if problem else {}),
     }
+    drives = f"{'nobody' if driver is None else driver.source.name} drives"
     status = DiagnosticStatus(
-        level=DiagnosticStatus.OK,
+        level=DiagnosticStatus.WARN if problem else DiagnosticStatus.OK,
         name=f"{node}: Twist mux status",
-        message="ok: nobody drives" if driver is None else f"ok: {driver.source.name} drives",
+        message=f"{problem}: {drives}" if problem else f"ok: {drives}",
         hardware_id="none",
         values=[KeyValue(key=key, value=value) for key, value in values.items()],
     )

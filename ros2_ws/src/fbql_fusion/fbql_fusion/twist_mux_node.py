@@ -196,7 +196,9 @@ class TwistMuxNode(GraphNode):
     def _publish_diagnostics(self) -> None:
         dropped = [each.dropped for each in self._sources]
         snapshot = self._mux.snapshot(self._now_ns())
-        self._diagnostics.publish(diagnostics_of(self.get_name(), snapshot, dropped, self.get_clock().now().to_msg()))
+        problem = "" if self._learning is None else self._learning.untold
+        stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(diagnostics_of(self.get_name(), snapshot, dropped, stamp, problem))
         # One input per call: checking all would add noticeable latency to commands.
         inputs = [*self._sources, *self._locks]
         each = inputs[self._checked % len(inputs)]

@@ -399,6 +399,87 @@ def test_where_nobody_says_when_episodes_end_they_are_cut_without_stopping_the_r
     ]  # fmt: skip
 
 
+def played(mux: LearnedMux, ticks: int, now_ns: int, told: int = 1, rewarded: int = 0) -> list[Ticked]:
+    """Ticks in which both sources drive, with this many nodes that publish outcomes, and rewards alone."""
+    found: list[Ticked] = []
+    for k in range(ticks):
+        at_ns = now_ns + k * PERIOD_NS
+        mux.hear(A, go(0.1), at_ns)
+        mux.hear(B, go(0.2), at_ns)
+        mux.hear_observation(0, 1.0, at_ns)
+        mux.hear_observation(1, 0.5, at_ns)
+        mux.look(told, rewarded)
+        found += mux.tick(at(at_ns, at_ns))
+    return found
+
+
+def in_short(ticked: list[Ticked]) -> list[tuple[int, int, bool, bool]]:
+    """Episode, step, whether it is truncated and whether nothing more is learned."""
+    return [(d.episode, d.step, d.truncated, d.degraded) for d in (each.decision for each in ticked)]
+
+
+def episodes_learned(mux: LearnedMux) -> int:
+    """How many episodes the learner has taken."""
+    policy = mux.session.policy()
+    assert policy is not None
+    return int(policy.arrays["counts"][0])
+
+
+def test_where_those_who_tell_outcomes_have_gone_the_episode_ends_and_nothing_of_it_is_learned() -> None:
+    mux = two(controller="fbql", segment_s=0.3, hold_s=0.0)
+    played(mux, 3, 0)
+    mux.hear_outcome(SUCCESS)
+    assert in_short(played(mux, 4, 3 * PERIOD_NS))[-1] == (1, 2, False, False)
+    assert episodes_learned(mux) == 1
+    lost = played(mux, 9, 7 * PERIOD_NS, told=0)
+    assert in_short(lost) == [
+        (1, 4, True, True), (2, 0, False, False), (2, 2, False, True), (2, 3, False, True),
+        (2, 4, True, True), (3, 0, False, False), (3, 2, False, True), (3, 3, False, True),
+        (3, 4, True, True), (4, 0, False, False), (4, 2, False, True), (4, 3, False, True),
+    ]  # fmt: skip
+    assert all(each.send is None for each in lost), "the robot is not stopped"
+    mux.hear_outcome(SUCCESS)
+    played(mux, 1, 16 * PERIOD_NS, told=0)
+    assert episodes_learned(mux) == 1, "not even what somebody tells whom nobody knows"
+    back = played(mux, 3, 17 * PERIOD_NS)
+    assert in_short(back)[-3:] == [(6, 0, False, False), (6, 1, False, False), (6, 2, False, False)], (
+        "a new one begins when somebody is there again"
+    )
+    mux.hear_outcome(SUCCESS)
+    played(mux, 1, 20 * PERIOD_NS)
+    assert episodes_learned(mux) == 2
+    assert [record.degraded for record in mux.session.records] == [False, True, True, True, True, True, False]
+
+
+def test_what_those_who_have_gone_told_before_is_learned() -> None:
+    mux = two(controller="fbql", hold_s=0.0)
+    played(mux, 3, 0)
+    mux.hear_outcome(SUCCESS)
+    assert in_short(played(mux, 1, 3 * PERIOD_NS, told=0))[0] == (0, 3, False, False)
+    assert (episodes_learned(mux), mux.session.summary().successes) == (1, 1)
+
+
+def test_rewards_are_learned_from_where_those_who_told_outcomes_have_gone() -> None:
+    mux = two(controller="fbql", segment_s=0.2, hold_s=0.0)
+    played(mux, 3, 0, rewarded=1)
+    found = in_short(played(mux, 4, 3 * PERIOD_NS, told=0, rewarded=1))
+    assert found == [
+        (0, 4, True, True), (1, 0, False, False), (1, 1, False, False), (1, 2, True, False), (2, 0, False, False),
+        (2, 1, False, False),
+    ]  # fmt: skip
+    assert episodes_learned(mux) == 1
+    assert in_short(played(mux, 1, 7 * PERIOD_NS, told=0))[0] == (2, 3, True, True), "the rewards have gone, too"
+
+
+def test_one_who_tells_an_outcome_and_goes_is_not_missed() -> None:
+    mux = two(controller="fbql", segment_s=0.2, hold_s=0.0)
+    played(mux, 1, 0, told=0)
+    mux.hear_outcome(RobotOutcome(0, 1.0))
+    played(mux, 1, PERIOD_NS, told=1)
+    found = in_short(played(mux, 6, 2 * PERIOD_NS, told=0))
+    assert found[-1] == (0, 7, False, False)
+
+
 def test_an_episode_in_which_the_clock_was_set_back_is_cut() -> None:
     mux = two(segment_s=0.3)
     mux.has_episodes = False

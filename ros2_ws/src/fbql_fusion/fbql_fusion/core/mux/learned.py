@@ -26,6 +26,9 @@ from fbql_fusion.core.tasks.twist.answers import SourceLeaves
 
 SILENT_NS = 1_000_000_000
 """In a mux that learns, a source without a timeout counts as silent after this [ns]."""
+KNOWN_LOOKS = 2
+"""A node that publishes outcomes is known when it was there at so many looks in a row. One that says something once and goes, as a
+person's command line does, is none that is missed."""
 _NS = 1e9
 
 Clock = Callable[[], tuple[int, int]]
@@ -76,8 +79,18 @@ class LearnedMux:
         self._begun_ns = 0
         self._episode = -1
         self._step = -1
+        self._looks = 0
+        """Looks in a row at which somebody published outcomes."""
+        self._has_rewards = False
+        """Whether somebody publishes rewards alone."""
+        self._misses = False
+        """Whether something that was achieved in this episode may not have been told, and that is not noted yet."""
+        self._ends_now = False
+        """Whether the episode is cut off at the next tick."""
         self.has_episodes = False
         """Whether somebody publishes when episodes end; otherwise they are cut off after segment_s."""
+        self.is_lost = False
+        """Whether those who published outcomes have gone."""
         self.is_done = False
         """Whether all episodes that were asked for have been played: there are no further decisions."""
 
@@ -105,10 +118,37 @@ class LearnedMux:
         self._values[place] = self._robot.observations[place].clamped(value)
         self._heard_ns[place] = received_ns
 
+    @property
+    def is_told(self) -> bool:
+        """Whether somebody may still tell what the robot achieves. Where those who did have gone, nothing is learned."""
+        return self._has_rewards or not self.is_lost
+
+    def look(self, publishers: int, rewarders: int) -> bool:
+        """Takes how many nodes publish outcomes, and how many rewards alone, at this moment.
+
+        When the last one that published outcomes has gone, the episode ends as truncated, and nothing is learned from it, because
+        what happened may not have been told. From then on, episodes are cut off after `segment_s`, and nothing is learned from them
+        unless there are rewards. When somebody publishes outcomes again, a new episode begins.
+
+        Returns:
+            Whether the last one has just gone.
+        """
+        was_told, was_lost = self.is_told, self.is_lost
+        is_gone = not publishers and self._looks >= KNOWN_LOOKS
+        self._looks = self._looks + 1 if publishers else 0
+        self._has_rewards = rewarders > 0
+        self.is_lost = is_gone or (was_lost and not publishers)
+        self.has_episodes = not is_gone and (self.has_episodes or publishers > 0)
+        if is_gone or (was_told and not self.is_told):
+            self._misses = True
+        if self.is_lost != was_lost or self.is_told != was_told:
+            self._ends_now = True
+        return is_gone
+
     def hear_outcome(self, outcome: RobotOutcome) -> None:
         """Takes an outcome; it counts for the time before the next tick. One received between the end of an episode and the first tick
         of the next episode counts for neither."""
-        self.has_episodes = True
+        self.has_episodes = not self.is_lost
         self._outcomes.append(outcome)
 
     def hear_reward(self, reward: float) -> None:
@@ -134,10 +174,11 @@ class LearnedMux:
                 self.is_done, self._chosen = True, None
                 return []
             self._episode, self._step = begun[0], -1
+            self._ends_now, self._misses = False, not self.is_told
         now_ns, stamp_ns = clock()
         if begins:
             self._begun_ns = now_ns
-        is_cut = not self.has_episodes and not 0 <= now_ns - self._begun_ns < self._segment_ns
+        is_cut = self._ends_now or (not self.has_episodes and not 0 <= now_ns - self._begun_ns < self._segment_ns)
         ticked = self._decide(self._snapshot(now_ns, stamp_ns, is_cut))
         following = self.tick(clock) if is_cut and self._episode < 0 else []
         return [Ticked(ticked.decision), *following] if following else [ticked]
@@ -157,6 +198,9 @@ class LearnedMux:
             ages_s.append(-1.0 if twist is None else age_ns / _NS)
         reward, terminated, truncated, outcome = self._take_outcomes()
         self._step += 1
+        if self._misses and self._step > 0 and not (self._ends_now and (terminated or truncated)):
+            self._step += 1  # a step of which nothing was told: the session learns nothing more in this episode
+            self._misses = False
         return Snapshot(
             stamp_ns,
             self._episode,
