@@ -64,6 +64,7 @@ def test_situations_that_mirror_each_other_look_alike_but_for_their_leaves() -> 
     for world in worlds(60):
         one, two = ([behavior.answer(each) for behavior in behaviors] for each in (world, mirrored(world)))
         assert mirror.of(one)[:-leaves].tolist() == pytest.approx(mirror.of(two)[:-leaves].tolist(), abs=1e-6)
+        assert mirror.of(one)[-leaves - 2] >= 0.0, "the sine of the last angle decides"
         assert mirror.of(one)[-leaves:].tolist() == plain.of(one)[-leaves:].tolist()
         differ += plain.of(one).tolist() != mirror.of(one).tolist()
     assert 0 < differ < 60
@@ -90,6 +91,9 @@ def test_an_informed_observation_ends_with_what_only_fbqls_critic_sees() -> None
     inputs = np.array(critic_inputs(informed.world, mirror=True), np.float32)
     assert second[-CRITIC_INPUTS:].tolist() == inputs.tolist()
     assert second in informed.observation_space
+    for world in worlds(20):
+        one, two = (informed.observe(each)[-CRITIC_INPUTS:] for each in (world, mirrored(world)))
+        assert one.tolist() == two.tolist()
     assert not Senses(sensed.behaviors, references=False, mirror=True).width - len(first)
 
 
