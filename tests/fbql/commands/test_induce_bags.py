@@ -76,6 +76,13 @@ def test_the_tree_reproduces_the_rule_on_a_drive_that_it_was_not_made_from(
     assert result["rmse_rad_s"] is None, "its axes have units of their own"
 
 
+def test_the_next_steps_are_commands_of_a_clone(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tree = str(place / "next.json")
+    assert induce([NAME, "--bag", str(place / "mcap"), "--spec", str(place / "behavior.yaml"), "--out", tree]) == 0
+    node = f"scripts/ros2 run fbql_behaviors twist_behavior --ros-args -p tree_file:={tree}"
+    assert f"  {node}\n" in capsys.readouterr().err
+
+
 def test_both_storages_give_the_same_tree(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert induced(capsys, place)["sha256"] == induced(capsys, place, bag="sqlite3")["sha256"]
 

@@ -28,6 +28,11 @@ def command_text(name: str) -> str:
     return _form.format(name)
 
 
+def ros2_text() -> str:
+    """How a user types ros2 here; in a clone it works before `source scripts/env.sh`, too."""
+    return "ros2" if checkout() is None else "scripts/ros2"
+
+
 def new_path(name: str) -> Path:
     """A path below runs/ that nobody else gets: the time, then `name`.
 

@@ -32,7 +32,7 @@ from fbql.cli.interrupts import Interrupts
 from fbql.cli.observations import add_observation_option, register_observations, unused_observations
 from fbql.cli.output import complain, json_text, print_result, say, warn, writing
 from fbql.cli.parser import Parser, add_json_option, add_parameter_options, output_path, without_effect
-from fbql.cli.places import command_text, new_path
+from fbql.cli.places import command_text, new_path, ros2_text
 from fbql.cli.words import counted, percent
 from fbql.demonstrations.from_bags import BagData, bag_request, data_of_bags
 from fbql.demonstrations.make_tree import (
@@ -293,7 +293,7 @@ def _next_steps(path: Path, behavior: str, observations: Sequence[str], of_bags:
     own = [word for each in observations for word in ("--observation", each)]
     steps = [(f"{command_text('tree')} explain {shlex.join([str(path), *own])}", "each of its rules in words")]
     if of_bags:
-        node = f"ros2 run fbql_behaviors twist_behavior --ros-args -p tree_file:={shlex.quote(str(path))}"
+        node = f"{ros2_text()} run fbql_behaviors twist_behavior --ros-args -p tree_file:={shlex.quote(str(path))}"
         steps.append((node, "play it on the robot: it publishes cmd_vel"))
     elif behavior in SessionParameters().behaviors and path.name == f"{behavior}.json":
         words = ["--trees", str(path.parent), "--controller", "subsumption", "--watch", "--goals", "3"]
