@@ -37,6 +37,13 @@ def say(text: str) -> None:
     write(f"[set-up] {shown(text)}\n")
 
 
+def _fitting(line: str) -> str:
+    """What fits in a line of the terminal: of one that wraps, only the last part can be overwritten."""
+    from shutil import get_terminal_size
+
+    return line[: get_terminal_size().columns - 1]
+
+
 class Step:
     """A numbered piece of work: announced when it starts, its seconds shown while it runs and when it is done."""
 
@@ -48,15 +55,14 @@ class Step:
             self._live = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
         except (ValueError, AttributeError):
             self._live = False
-        write(f"{self._label} {text} ..." + ("" if self._live else "\n"))
+        line = f"{self._label} {text} ..."
+        write(_fitting(line) if self._live else f"{line}\n")
 
     def tick(self, detail: str = "") -> None:
         """Show the elapsed seconds and `detail` on the same line of a terminal; elsewhere say nothing."""
         if self._live:
-            from shutil import get_terminal_size
-
             line = f"{self._label} {time.monotonic() - self._started:3.0f} s  {self._text} ... {detail}"
-            write("\r\x1b[K" + line[: get_terminal_size().columns - 1])
+            write("\r\x1b[K" + _fitting(line))
 
     def done(self) -> None:
         """Close the line with the time it took."""

@@ -78,13 +78,13 @@ def test_on_a_terminal_a_step_keeps_to_one_line_of_its_width(monkeypatch: pytest
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "40")
-    step = Step(2, 3, "installing 160 packages")
+    step = Step(2, 3, "installing 160 packages one by one")
     step.tick("Collecting something with a long name")
     step.done()
     shown = [line.removeprefix("\x1b[K") for line in terminal.getvalue().split("\r")]
-    assert shown[0] == "[set-up 2/3] installing 160 packages ..."
+    assert shown[0] == "[set-up 2/3] installing 160 packages on"
     assert shown[1] == "[set-up 2/3]   0 s  installing 160 pack"
-    assert shown[2] == "[set-up 2/3] installing 160 packages ... 0.0 s\n"
+    assert shown[2] == "[set-up 2/3] installing 160 packages one by one ... 0.0 s\n"
 
 
 def test_elsewhere_a_step_is_two_lines(monkeypatch: pytest.MonkeyPatch) -> None:

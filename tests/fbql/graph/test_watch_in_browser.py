@@ -172,11 +172,13 @@ def test_a_replay_is_watched(start: Start, browser: Browser, tmp_path: Path) -> 
 def test_demonstrations_are_watched(start: Start, browser: Browser, tmp_path: Path) -> None:
     made = tmp_path / "made"
     assert demonstrate(["wall_avoiding", "--demonstrations", "3", "--steps", "60", "--out", str(made)]) == 0
+    made = made.rename(tmp_path / "kept")
     run = start(
         "--replay", str(made), "--watch", "browser", "--json", script="demonstrate.py", out=False, environment=NO_SCREEN
     )
     opened(browser, run)
     shown(browser, "The instructor demonstrates wall_avoiding", "#why")
+    assert text(browser, "h1") == "kept"
     fastest(browser)
     assert run.exit_code() == 0, run.stderr
     assert json.loads(run.stdout)["identical"] is True

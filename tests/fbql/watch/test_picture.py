@@ -89,7 +89,10 @@ def test_no_world_and_no_size_breaks_the_picture(
 
 def test_a_terminal_that_is_too_small_is_told_so() -> None:
     assert "at least" in plain(page(world_with(), [], "", 60, 20, False))[0]
-    assert plain(page(world_with(), [], "", 10, 2, False)) == ["This termi"]
+    narrow = ["This terminal is 40 x 15; at least 66 x", "23 is needed."]
+    assert plain(page(world_with(), [], "", 40, 15, False)) == narrow
+    assert plain(page(world_with(), [], "", 10, 2, False)) == ["This", "terminal"]
+    assert plain(page(world_with(), [], "", 0, 1, False)) == ["T"]
 
 
 def test_colour_changes_no_character() -> None:

@@ -118,7 +118,8 @@ def _replay(arguments: argparse.Namespace, recordings: Sequence[Recording], inte
     register_observations([], [behavior])
     found = verify(recordings)
     if arguments.watch == "browser":
-        show_in_browser(recordings, arguments.realtime, interrupts)
+        title = arguments.replay.resolve().name  # `.` has a name too
+        show_in_browser(title, recordings, arguments.realtime, interrupts)
     elif arguments.watch or not trouble_with_terminal():
         show(recordings, arguments.realtime, arguments.ascii, interrupts)
     demonstrations = [demonstration for recording in recordings for demonstration in recording.demonstrations]

@@ -16,8 +16,11 @@ from fbql.cli.words import counted
 from fbql.watch.pace import Pace
 
 
-def show_in_browser(recordings: Sequence[Recording], realtime: float, interrupts: Interrupts) -> None:
+def show_in_browser(title: str, recordings: Sequence[Recording], realtime: float, interrupts: Interrupts) -> None:
     """Shows all demonstrations one after another, until the last one ends or a signal comes.
+
+    Args:
+        title: what is shown; the page's title.
 
     Raises BadInput where nothing can be served.
     """
@@ -28,7 +31,7 @@ def show_in_browser(recordings: Sequence[Recording], realtime: float, interrupts
     behavior = recordings[0].behavior
     recorded = Recorded(world=True, behaviors=(), outputs=False, command=True, decision=False)
     headline = counted(len(parts), "demonstration")
-    with BrowserPage(recorded, (), recordings[0].file.stem, headline, say, shown=behavior) as page:
+    with BrowserPage(recorded, (), title, headline, say, shown=behavior) as page:
 
         def keys(patience_s: float) -> list[Key]:
             return [Key.FINISH] if interrupts.came else page.keys(patience_s)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 
 from fbql_common.core.types import World
 from fbql_common.terminal.screen import Line
@@ -37,7 +38,7 @@ def page(
     """
     if columns < LEAST_COLUMNS or rows < LEAST_ROWS:
         text = f"This terminal is {columns} x {rows}; at least {LEAST_COLUMNS} x {LEAST_ROWS} is needed."
-        return [[(text[:columns], "")]]
+        return [[(part, "")] for part in wrap(text, max(columns, 1))[:rows]]
     width, height = columns - SIDE_COLUMNS - 1, rows - 1 - len(below)
     picture = [] if world is None else field_picture(world, width, height, ascii_only, trail)
     lines: list[Line] = []
