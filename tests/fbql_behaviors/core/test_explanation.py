@@ -8,6 +8,8 @@ from math import inf, nextafter, pi, radians
 import pytest
 from fbql_behaviors.core.explanation import (
     Motion,
+    Rule,
+    command_text,
     condition,
     conditions,
     describe_tree,
@@ -16,11 +18,13 @@ from fbql_behaviors.core.explanation import (
     rounded,
     rules,
     speed_of,
+    twist_motion_of,
 )
 from fbql_behaviors.core.observation import Feature
 from fbql_behaviors.core.quantizer import LEVEL_RAD_S
-from fbql_behaviors.core.tree import Leaf, Split, Tree
-from fbql_common.core.field import MAX_WHEEL_RAD_S
+from fbql_behaviors.core.tree import CommandLeaf, Leaf, Split, Tree
+from fbql_common.core.command_space import Axis, Command, CommandSpace
+from fbql_common.core.field import MAX_WHEEL_RAD_S, WHEELS
 from hypothesis import given
 from hypothesis import strategies as st
 from tree_strategies import FEATURES, trees
@@ -169,6 +173,81 @@ def test_slow_and_fast_begin_and_end_at_thirds_of_full_speed_and_slow_at_half_a_
     assert [speed_of(wheel, 0.0) for wheel in (third, two_thirds, least)] == ["", "fast", "slow"]
     below = [speed_of(nextafter(wheel, 0.0), 0.0) for wheel in (third, two_thirds, least)]
     assert below == ["slow", "", ""]
+
+
+TWIST = CommandSpace(
+    (
+        Axis("linear.x", "m/s", -0.5, 1.0, 16),  # levels of 0.1 m/s
+        Axis("linear.y", "m/s", -0.5, 0.5, 5),  # of 0.25 m/s
+        Axis("angular.z", "rad/s", -3.0, 3.0, 13),  # of 0.5 rad/s
+    )
+)
+
+
+def rule_of(command: Command) -> Rule:
+    """The rule of a tree that always gives this command."""
+    return rules(Tree("any", FEATURES, (0,), (CommandLeaf(command, 1),), commands=TWIST))[0]
+
+
+@pytest.mark.parametrize(
+    ("command", "motion"),
+    [
+        ((0.0, 0.0, 0.0), Motion.STAND),
+        ((0.5, 0.0, 0.0), Motion.FORWARDS),
+        ((0.5, 0.0, 1.0), Motion.FORWARDS_LEFT),
+        ((0.5, 0.0, -1.0), Motion.FORWARDS_RIGHT),
+        ((-0.5, 0.0, 0.0), Motion.BACKWARDS),
+        ((-0.5, 0.0, 1.0), Motion.BACKWARDS_LEFT),
+        ((-0.5, 0.0, -1.0), Motion.BACKWARDS_RIGHT),
+        ((0.0, 0.0, 1.0), Motion.SPIN_LEFT),
+        ((0.0, 0.0, -1.0), Motion.SPIN_RIGHT),
+        ((0.0, 0.4, 0.0), Motion.SIDEWAYS_LEFT),
+        ((0.0, -0.4, 1.0), Motion.SIDEWAYS_RIGHT),
+        ((0.5, 0.4, 0.0), Motion.FORWARDS),
+        ((0.0, 0.0, 0.25), Motion.SPIN_LEFT),  # from half a level on it counts
+        ((0.0, 0.0, -0.25), Motion.SPIN_RIGHT),
+        ((0.0, 0.0, nextafter(0.25, 0.0)), Motion.STAND),
+        ((0.0, nextafter(-0.125, 0.0), 0.0), Motion.STAND),
+        ((0.0, 0.125, 0.0), Motion.SIDEWAYS_LEFT),
+    ],
+)
+def test_velocities_make_motions(command: Command, motion: Motion) -> None:
+    assert twist_motion_of(TWIST, command) is motion
+    assert rule_of(command).motion is motion
+
+
+def test_an_axis_that_is_not_known_makes_no_motion() -> None:
+    assert twist_motion_of(CommandSpace((Axis("gripper", "", 0.0, 1.0, 2),)), (1.0,)) is Motion.STAND
+    assert twist_motion_of(CommandSpace((Axis("angular.z", "rad/s", -1.0, 1.0, 3),)), (1.0,)) is Motion.SPIN_LEFT
+
+
+@pytest.mark.parametrize(
+    ("command", "speed"),
+    [
+        ((0.0, 0.0, 0.0), ""),
+        ((0.3, 0.0, 0.0), "slow"),
+        ((1 / 3, 0.0, 0.0), ""),  # slow is below a third
+        ((nextafter(1 / 3, 0.0), 0.0, 0.0), "slow"),
+        ((2 / 3, 0.0, 0.0), "fast"),  # fast is from two thirds on
+        ((nextafter(2 / 3, 0.0), 0.0, 0.0), ""),
+        ((-0.5, 0.0, 0.0), ""),  # full speed is that of the faster direction
+        ((0.3, 0.0, 3.0), "slow"),  # turning counts only where nothing is driven
+        ((0.0, 0.0, 3.0), "fast"),
+        ((0.0, 0.0, -0.5), "slow"),
+        ((0.0, 0.0, 0.24), ""),  # less than half a level is none
+        ((0.04, 0.0, 3.0), "fast"),
+        ((0.0, 0.0, 0.25), "slow"),
+        ((0.3, 0.4, 0.0), "fast"),  # the faster axis counts
+    ],
+)
+def test_slow_and_fast_begin_and_end_at_thirds_of_full_velocity(command: Command, speed: str) -> None:
+    assert rule_of(command).speed == speed
+
+
+def test_a_command_is_told_with_its_axes_and_units_and_a_digit_more_than_its_levels_need() -> None:
+    assert command_text(WHEELS, (20.4, 45.0)) == "left 20, right 45 rad/s"
+    assert command_text(TWIST, (0.4, 0.0, -0.75)) == "linear.x 0.4 m/s, linear.y 0 m/s, angular.z -0.75 rad/s"
+    assert command_text(CommandSpace((Axis("gripper", "", 0.0, 9.0, 10),)), (4.52,)) == "gripper 4.5"
 
 
 def test_only_symmetric_angles_are_directions() -> None:
