@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from fbql_behaviors.core.c_source import c_name, to_c
 from fbql_behaviors.core.observation import Feature
-from fbql_behaviors.core.tree import Leaf, Node, Split, Tree
+from fbql_behaviors.core.tree import CommandLeaf, Leaf, Node, Split, Tree
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
+from fbql_common.core.command_space import Axis, CommandSpace
 from hypothesis import HealthCheck, given, settings
 from tree_strategies import NASTY, edge_points, trees
 
@@ -88,6 +89,17 @@ def test_c_takes_a_tree_as_deep_as_a_chain(tmp_path: Path) -> None:
 def test_a_behavior_name_cannot_end_the_comment_it_stands_in(tmp_path: Path) -> None:
     tree = Tree(NASTY, (Feature(NASTY, NASTY, 0.0, 1.0),), (Split(0, 0.5, 1, 2), 0, 1), (Leaf(1, 2, 3), Leaf(4, 5, 6)))
     assert Compiled(tree, tmp_path).answer((0.7,)) == (1, 4.0, 5.0)
+
+
+def test_c_gives_every_axis_of_another_command_and_names_them() -> None:
+    space = CommandSpace((Axis("linear.x", "m/s", -0.5, 1.0, 4), Axis("a*/b", "", 0.0, 9.0, 4)))
+    nodes, leaves = (Split(0, 0.5, 1, 2), 0, 1), (CommandLeaf((0.25, 0.0), 1), CommandLeaf((-0.5, 9.0), 1))
+    text = to_c(Tree("t", (Feature("x", "m", 0.0, 1.0),), nodes, leaves, commands=space))
+    assert "int t_answer(const double observation[1], double command[2])" in text
+    assert " *   [0] linear.x [m/s], -0.5 to 1.0\n *   [1] a?|b [], 0.0 to 9.0\n" in text
+    assert "/* linear.x, a?|b */\nstatic const double leaves[][2] = {" in text
+    assert f"{{{(0.25).hex()}, {(0.0).hex()}}},\n    {{{(-0.5).hex()}, {(9.0).hex()}}},\n" in text
+    assert "for (int k = 0; k < 2; k++)\n        command[k] = leaves[leaf_id][k];" in text
 
 
 @pytest.mark.parametrize(

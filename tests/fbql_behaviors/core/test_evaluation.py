@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fbql_behaviors.core.evaluation import cross_validated_rmse, wheel_errors, wheel_rmse
+from fbql_behaviors.core.evaluation import axis_rmse, cross_validated_rmse, wheel_errors, wheel_rmse
 from fbql_behaviors.core.patterns import Patterns, patterns_from_rows
 from fbql_behaviors.core.quantizer import LEVEL_RAD_S, levels_of_classes, wheel_class_of
 from fbql_behaviors.core.tree import Leaf, Split, Tree
@@ -29,6 +29,9 @@ def test_an_error_is_the_reference_minus_the_demonstrated_velocity_in_levels() -
     patterns = driven([(1, 2), (3, 5)])
     assert wheel_errors(tree, patterns) == pytest.approx(np.array([[1.0, -2.0], [-3.0, 0.0]]))
     assert wheel_rmse(tree, patterns) == pytest.approx(((1 + 4 + 9) / 4) ** 0.5)
+    left, right = ((1 + 9) / 2) ** 0.5, (4 / 2) ** 0.5
+    assert list(axis_rmse(tree, patterns).values()) == pytest.approx([left * LEVEL_RAD_S, right * LEVEL_RAD_S])
+    assert list(axis_rmse(tree, patterns)) == [axis.name for axis in patterns.commands.axes]
 
 
 def mean_tree(patterns: Patterns) -> Tree:

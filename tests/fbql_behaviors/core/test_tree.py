@@ -11,7 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 from fbql_behaviors.core.observation import Feature
-from fbql_behaviors.core.tree import Leaf, Node, Split, Tree
+from fbql_behaviors.core.tree import (
+    CHANGED,
+    MAX_AXES,
+    MAX_FEATURE,
+    MAX_LEVELS,
+    CommandLeaf,
+    Leaf,
+    Node,
+    Split,
+    Tree,
+    changed_leaf,
+    check_space,
+)
+from fbql_common.core.command_space import Axis, CommandSpace
 from fbql_common.core.errors import BadInput
 from hypothesis import given
 from hypothesis import strategies as st
@@ -207,3 +220,76 @@ def test_a_tree_has_between_1_and_64_features_of_different_names() -> None:
     ):
         with pytest.raises(BadInput, match=says):
             tree_of([0], 1, features)
+
+
+# Other commands than wheels
+
+AXIS = Axis("linear.x", "m/s", -1.0, 1.0, 5)
+TURNS = Axis("angular.z", "rad/s", 0.0, 2.0, 5)
+
+
+def spaced(leaf: Any, *axes: Axis) -> Tree:
+    return Tree("any", FEATURES, (0,), (leaf,), commands=CommandSpace(axes or (AXIS, TURNS)))
+
+
+def test_a_command_space_has_1_to_6_axes_of_different_names_each_with_2_to_1001_levels_in_order() -> None:
+    assert (MAX_AXES, MAX_LEVELS, MAX_FEATURE) == (6, 1001, 1e12)
+    six = [AXIS._replace(name=f"axis {k}") for k in range(MAX_AXES)]
+    for axes in (
+        [AXIS],
+        six,
+        [AXIS._replace(levels=2)],
+        [AXIS._replace(levels=MAX_LEVELS)],
+        [AXIS._replace(low=-MAX_FEATURE, high=MAX_FEATURE)],
+    ):
+        check_space(CommandSpace(tuple(axes)))
+    for axes, says in (
+        ([], "1 to 6 axes"),
+        ([*six, AXIS], "1 to 6 axes"),
+        ([AXIS, AXIS], "with different names, not linear.x, linear.x"),
+        ([AXIS._replace(levels=1)], "'linear.x': 1 levels; expected 2 to 1001"),
+        ([AXIS._replace(levels=MAX_LEVELS + 1)], "1002 levels"),
+        ([AXIS._replace(low=1.0)], "low 1.0 must be below high 1.0"),
+        ([AXIS._replace(high=nextafter(MAX_FEATURE, inf))], "both within"),
+        ([AXIS._replace(low=nextafter(-MAX_FEATURE, -inf))], "both within"),
+        ([AXIS._replace(low=nan)], "must be below"),
+    ):
+        with pytest.raises(BadInput, match=says):
+            check_space(CommandSpace(tuple(axes)))
+
+
+def test_a_leaf_commands_every_axis_within_its_limits_which_belong_to_it() -> None:
+    for command in ((-1.0, 0.0), (1.0, 2.0)):
+        assert spaced(CommandLeaf(command, 0)).answer((1.0, 0.0)) == (0, *command)
+    for leaf, says in (
+        (CommandLeaf((0.0,), 1), "its command is not one of linear.x, angular.z"),
+        (CommandLeaf((0.0, 0.0, 0.0), 1), "its command is not one of linear.x, angular.z"),
+        (Leaf(0.0, 0.0, 1), "its command is not one of linear.x, angular.z"),
+        (CommandLeaf((1.1, 0.0), 1), r"leaf 0: linear.x is 1.1, outside of \+-1 m/s"),
+        (CommandLeaf((0.0, -0.1), 1), r"leaf 0: angular.z is -0.1, outside of \[0, 2\] rad/s"),
+    ):
+        with pytest.raises(BadInput, match=says):
+            spaced(leaf)
+
+
+def test_only_a_tree_of_wheels_has_leaves_of_wheels() -> None:
+    assert small().wheel_leaves == small().leaves
+    with pytest.raises(BadInput, match=r"commands linear.x, angular.z, not wheels; twist_behavior plays it"):
+        _ = spaced(CommandLeaf((0.0, 0.0), 1)).wheel_leaves
+
+
+def test_a_changed_leaf_has_the_new_command_and_the_tree_names_what_it_was_before_the_first_change() -> None:
+    before = small()
+    once = changed_leaf(before, 1, (5.0, -6.0))
+    assert once.leaves == (before.leaves[0], Leaf(5.0, -6.0, before.leaves[1].patterns), before.leaves[2])
+    assert once.origin == {
+        "changed_from": before.hash, "changed_from_origin": {}, "method": CHANGED, "changed_leaves": [1],
+    }  # fmt: skip
+    twice = changed_leaf(once, 2, (0.0, 1.0))
+    assert twice.leaves == (*once.leaves[:2], Leaf(0.0, 1.0, before.leaves[2].patterns))
+    assert twice.origin == {**once.origin, "changed_leaves": [1, 2]}
+    assert before == small(), "the tree given stays as it is"
+    other = changed_leaf(spaced(CommandLeaf((0.0, 0.0), 7)), 0, (1.0, 2.0))
+    assert other.leaves == (CommandLeaf((1.0, 2.0), 7),)
+    with pytest.raises(BadInput, match="outside of"):
+        changed_leaf(before, 0, (99.0, 0.0))

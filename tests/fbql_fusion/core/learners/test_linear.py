@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from equation_oracles import gradient, literal_softmax, preference_lists
 from fbql_fusion.core.learners.linear import (
+    accumulate_td_errors,
     add_shared,
     add_to_rows,
     grow_table,
@@ -149,3 +150,15 @@ def test_each_loop_has_the_bits_of_its_numpy_form(minibatch: tuple[np.ndarray, f
     add_to_rows.function(one, active, shares)
     add_to_rows.interpreted(other, active, shares)
     assert one.tobytes() == other.tobytes() != table.tobytes()
+    td_errors, discounts = rng.normal(size=n), rng.random(n)
+    for trace in (0.0, 0.7, 1.0):
+        looped = accumulate_td_errors.function(td_errors, discounts, trace)
+        assert looped.tobytes() == accumulate_td_errors.interpreted(td_errors, discounts, trace).tobytes()
+
+
+def test_each_td_error_is_followed_by_a_decayed_share_of_the_later_ones() -> None:
+    errors, discounts = np.array([1.0, 2.0, 4.0]), np.array([0.5, 0.25, 0.125])
+    for accumulate in (accumulate_td_errors.function, accumulate_td_errors.interpreted):
+        last, middle = 4.0, 2.0 + 0.25 * 0.5 * 4.0
+        assert accumulate(errors, discounts, 0.5).tolist() == [1.0 + 0.5 * 0.5 * middle, middle, last]
+        assert accumulate(errors[:0], discounts[:0], 0.5).tolist() == []

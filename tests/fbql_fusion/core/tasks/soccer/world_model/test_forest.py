@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from fbql_fusion.core.tasks.soccer.world_model.forest import (
     Forest,
+    bounds_of,
     fit_forest,
     leaf_of,
     no_forest,
     part,
     split_gains,
     sums_to_the_right,
+    total_of,
 )
 from numpy.typing import NDArray
 
@@ -56,6 +58,23 @@ def test_rows_are_parted_in_their_order_and_one_on_the_threshold_goes_to_the_rig
         rows = np.arange(4)
         assert split(x, rows, 0, 2.0) == 2
         assert rows.tolist() == [1, 3, 0, 2]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 40])
+def test_each_loop_has_the_bits_of_its_numpy_form(count: int) -> None:
+    """What is compiled is the loop."""
+    x, y = some(50, seed=count)
+    rng = np.random.default_rng(count)
+    rows, thresholds = rng.permutation(50)[:count], np.array([x[7, 0], 0.2, -0.3])
+    looped, formed = (
+        each(x, y, rows, thresholds) for each in (sums_to_the_right.function, sums_to_the_right.interpreted)
+    )
+    assert [each.tobytes() for each in looped] == [each.tobytes() for each in formed]
+    assert looped[0].dtype == formed[0].dtype
+    assert total_of.function(y, rows).tobytes() == total_of.interpreted(y, rows).tobytes()
+    low, high = bounds_of.function(x, rows)
+    assert [low.tobytes(), high.tobytes()] == [each.tobytes() for each in bounds_of.interpreted(x, rows)]
+    assert (low.tolist(), high.tolist()) == (np.min(x[rows], axis=0).tolist(), np.max(x[rows], axis=0).tolist())
 
 
 def test_every_row_is_in_one_leaf_of_each_tree_and_no_leaf_is_too_small() -> None:
