@@ -342,6 +342,53 @@ def test_an_untrained_learner_draws_every_behavior_alike(learner: str) -> None:
     assert drivers[UP] == pytest.approx(1000, abs=100)
 
 
+@EACH
+def test_a_step_that_is_held_is_the_same_as_one_that_is_decided(learner: str) -> None:
+    """Bit for bit: commands, digest, records and what is learned."""
+    for given, policy in (
+        (parameters(learner, seed=3, guided=2), None),
+        (parameters(learner, learn=False), trained(learner)),
+    ):
+        decided, held = SoccerSession(given, policy), SoccerSession(given, policy)
+        task, count = TwoSides(), 0
+        for _ in range(8):
+            begun = decided.next_episode()
+            assert held.next_episode() == begun
+            assert held.held_driver == DRIVER_BLEND, "an episode's first step is decided"
+            world = task.reset(*begun)  # pyright: ignore[reportOptionalMemberAccess, reportGeneralTypeIssues]
+            while True:
+                outputs, driver = task.answers(), held.held_driver
+                command, decision = decided.decide(world, outputs)
+                ours = outputs[driver] if driver >= 0 else None
+                done = held.hold(world, ours) if ours is not None else None
+                if done is None:
+                    assert held.decide(world, outputs)[0] == command
+                else:
+                    count += 1
+                    assert (decision.driver, done) == (driver, (command.left_rad_s, command.right_rad_s))
+                if world.ended:
+                    break
+                world = task.step(world, command.left_rad_s)
+        assert count > 0.4 * decided.steps, "two of three steps are held, except in guided episodes"
+        assert (held.digest, held.steps, held.records) == (decided.digest, decided.steps, decided.records)
+        assert equal(arrays_of(held), arrays_of(decided))
+
+
+@pytest.mark.parametrize("draw", [UP, DOWN])
+def test_a_draw_that_is_given_is_taken_where_that_behavior_may_drive(draw: int) -> None:
+    session = frozen(trained(), fbql_play="drawn", fbql_play_s=1 / 60, fbql_patience=0)
+    drawing = session.drawing
+    assert drawing is not None
+    drawing.known_draw = draw
+    assert {driver for driver, _ in stay(session, 40)} == {draw}
+    assert drawing.draws_taken == 40
+    for unknown in (-1, 2, None):
+        drawing.known_draw = unknown
+        assert {driver for driver, _ in stay(session, 60)} == {UP, DOWN}
+    assert drawing.draws_taken == 40
+    assert SoccerSession(replace(parameters(), controller="uniform")).drawing is None, "it draws nothing"
+
+
 # What it learns from
 
 

@@ -122,6 +122,7 @@ class Session[M: Moment, C, R]:
         self._seed = 0
         self._episode = -1
         self._step: int = maxsize
+        self._driver = DRIVER_BLEND
 
     @property
     def digest(self) -> str:

@@ -101,6 +101,25 @@ def test_a_real_episode_teaches_the_model_alone() -> None:
     assert not after["theta"][m:].any()
 
 
+def test_guided_episodes_also_teach_the_weights_to_follow_the_guide() -> None:
+    """As with fbql, before anything is imagined, and after a policy was loaded. The guide always takes up."""
+    session, imagination = begun(own_first_episodes=0, own_refit_episodes=0)
+    play(session, GUIDED)
+    session.next_episode()  # makes the features, and learns from the guided episodes
+    policy = learned(session)
+    assert not imagination.episodes, "nothing was imagined"
+    assert policy.arrays["counts"].tolist() == [0, 0]
+    up, down = policy.arrays["theta"].sum(axis=0)
+    assert up > 0.1 > -0.1 > down, "up is preferred"
+    assert policy.arrays["value"].any()
+    again = session_of(given(own_first_episodes=0, own_refit_episodes=0, guided=3), ImaginedSides(), policy)
+    play(again, 3)
+    later = arrays_of(again)
+    m = len(policy.arrays["theta"])
+    assert (later["theta"][:m] - policy.arrays["theta"]).sum(axis=0)[0] > 0.01, "more so"
+    assert later["counts"].tolist() == [0, 0]
+
+
 def test_the_steps_are_those_of_all_episodes_or_of_the_guided_ones() -> None:
     for data, more in (("all", True), ("guided", False)):
         session, imagination = begun(own_data=data)
