@@ -22,6 +22,11 @@ def f(a: int, b: int = 1) -> int:
     if a < b and not b:
         print(f"{a + 1}")
     return g(a, b) - 2
+
+
+def h(a: int, b: int) -> int:
+    max(a, b, f(b, a))
+    return max(min(a, b), b)
 '''
 
 
@@ -50,7 +55,11 @@ def test_every_mutant_is_one_change_that_parses_and_no_text_is_changed(measured:
         (10, "g(a, b)", "g(b, a)"),
         (10, "2", "3"),
         (10, "2", "1"),
-    }
+        (14, "max(a, b, f(b, a))", "max(b, a, f(b, a))"),
+        (14, "max(a, b, f(b, a))", "pass"),
+        (14, "f(b, a)", "f(a, b)"),
+        (15, "return max(min(a, b), b)", "return None"),
+    }, "but the order of the two arguments of min and max"
     for each in found:
         compile(each.source, "mutant", "exec")
         changed = [number for number, (old, new) in enumerate(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from math import pi
+from math import inf, isnan, nan, pi
 from typing import Any
 
 import pytest
@@ -57,6 +57,19 @@ def test_a_target_is_a_distance_and_a_bearing_in_the_robot_s_frame() -> None:
     assert [(f.unit, f.low, f.high) for f in spec.features] == [("m", 0.0, 9.0), ("rad", -pi, pi)]
 
 
+@pytest.mark.parametrize("unknown", [nan, inf, -inf])
+def test_a_target_is_nowhere_while_a_number_of_it_is_not_finite(unknown: float) -> None:
+    for gives, high in (("distance", 9.0), ("bearing", 3.0)):
+        spec = spec_of(content(observations={"it": {**TARGET, "gives": gives, "high": high}}))
+        for lost in spec.readings:
+            assert isnan(value_of(spec.sources[0], {**dict.fromkeys(spec.readings, 0.0), lost: unknown}))
+
+
+def test_observations_may_be_a_list_in_its_order() -> None:
+    listed = [{"name": name, **entry} for name, entry in content()["observations"].items()]
+    assert spec_of(content(observations=listed)) == spec_of(content())
+
+
 def test_a_target_may_come_from_a_topic_whose_last_message_holds() -> None:
     target = {"topic": "/goal", "x": "pose.position.x", "y": "pose.position.y"}
     spec = spec_of(observing(odometry="/pose", pose="pose", target=target, gives="bearing"))
@@ -77,6 +90,8 @@ def test_a_recipe_gives_the_specification_that_it_was_made_of() -> None:
     assert again[:-1] == spec[:-1]
     tree = Tree("it", spec.features, (0,), (CommandLeaf((0.0, 0.0), 1),), {}, spec.commands, stored)
     check_recipe(tree)
+    with pytest.raises(BadInput, match="recipe: unknown key 'rate'"):
+        check_recipe(Tree("it", spec.features, (0,), tree.leaves, {}, spec.commands, {**stored, "rate": 1}))
     stored["observations"][0]["high"] = 5.0
     with pytest.raises(BadInput, match="recipe: its observations or axes are not those of the tree"):
         check_recipe(tree)
@@ -120,6 +135,19 @@ REFUSED = {
         content(command={"topic": "/c", "axes": {f"linear.{k}": {"low": 0, "high": 1, "levels": 1000} for k in "xyz"}}),
         "1000000000 combinations of levels; at most 1000000",
     ),
+    "levels that are no whole number": (
+        content(command={"topic": "/c", "axes": {"linear.x": {"low": 0, "high": 1, "levels": 9.0}}}),
+        "command.axes.linear.x: 'levels' is 9.0, not a whole number",
+    ),
+    "observations that are neither names nor a list": (content(observations=3), "'observations' is missing or empty"),
+    "an observation without a name": (content(observations=[ENTRY]), "observations[0]: 'name' is missing"),
+    "one name twice": (
+        content(observations=[{**ENTRY, "name": "it"}, {**ENTRY, "name": "it"}]),
+        "observations: 'it' is not a name in one line, or occurs twice",
+    ),
+    "a name of two lines": (content(observations={"a\nb": ENTRY}), "is not a name in one line"),
+    "an empty name": (content(observations={" ": ENTRY}), "is not a name in one line"),
+    "an age beyond all numbers": (content(max_age_s=1.1e12), "'max_age_s' is 1100000000000.0, outside of [0, 1e+12]"),
     "the command as an observation": (
         content(observations={"it": ENTRY}, command={"topic": "/scan", "axes": AXIS}),
         "/scan is the command's topic",

@@ -250,6 +250,13 @@ def test_a_command_is_told_with_its_axes_and_units_and_a_digit_more_than_its_lev
     assert command_text(CommandSpace((Axis("gripper", "", 0.0, 9.0, 10),)), (4.52,)) == "gripper 4.5"
 
 
+def test_a_command_of_another_number_of_axes_is_never_told_in_part() -> None:
+    for told in (command_text, twist_motion_of):
+        for command in ((0.4, 0.0), (0.4, 0.0, 0.0, 0.0)):
+            with pytest.raises(ValueError, match="zip"):
+                told(TWIST, command)
+
+
 def test_only_symmetric_angles_are_directions() -> None:
     assert is_direction(BEARING) and is_direction(ERROR) and is_direction(PSI)
     assert not is_direction(DISTANCE)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from fbql_common.core.errors import BadInput
-from fbql_common.core.text import as_lines, one_line
+from fbql_common.core.text import as_lines, one_line, quoted
 
 FORGED = "x\nall is well\r\x1b[2J\x1b]0;title\x07\u202etxt\u2066\u200b\ud800\x00\x7f\x9b\u2028"
 
@@ -22,6 +22,13 @@ def test_what_a_terminal_acts_on_is_escaped():
 
 def test_of_several_lines_each_stays_one():
     assert as_lines(["a\nb", "c", 1]) == "a\\nb\nc\n1"
+
+
+def test_a_number_with_more_digits_than_python_prints_is_told_by_its_type():
+    assert quoted(10**4000) == "1" + "0" * 4000
+    assert quoted(10**5000) == "a int with too many digits"
+    assert quoted([10**5000]) == "a list with too many digits"
+    assert quoted("a") == "'a'"
 
 
 def test_bad_input_is_one_printable_line_of_bounded_length():

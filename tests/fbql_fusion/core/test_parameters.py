@@ -3,7 +3,7 @@
 import pytest
 from fbql_common.core.errors import BadInput
 from fbql_common.core.parameters import limits_of
-from fbql_fusion.core.parameters import FusionParameters, check_fusion
+from fbql_fusion.core.parameters import FusionParameters, check_fusion, unused_parameters
 
 
 def test_defaults_are_valid_and_every_parameter_is_described():
@@ -48,3 +48,46 @@ def test_a_wrong_parameter_is_refused_in_one_line_that_names_it(change, reason):
 def test_the_usual_layers_may_stay_when_other_behaviors_are_fused() -> None:
     check_fusion(FusionParameters(behaviors=["ball_seeking", "dribbling"]), "fusion.yaml")
     check_fusion(FusionParameters(behaviors=["ball_seeking", "dribbling"], layers=["dribbling"]), "fusion.yaml")
+
+
+@pytest.mark.parametrize(
+    ("controller", "guided", "name", "line"),
+    [
+        ("fbql", True, "no_such", None),  # another node's
+        ("fbql", True, "seed", None),
+        ("fbql", True, "fbql_rate", None),
+        ("fbql_model", True, "fbql_rate", None),
+        (
+            "fbql",
+            True,
+            "reward_collision",
+            "reward_collision has no effect: the controller is fbql, whose own is fbql_reward_collision",
+        ),
+        ("fbql_literal", True, "reward_collision", None),
+        ("fbql", True, "layers", None),  # Subsumption drives in guided episodes
+        ("subsumption", False, "layers", None),
+        (
+            "fbql",
+            False,
+            "layers",
+            "layers has no effect: it belongs to subsumption, the controller is fbql, and no episode is guided",
+        ),
+        (
+            "fbql_value",
+            True,
+            "fbql_hold_s",
+            "fbql_hold_s has no effect: it belongs to fbql, and the controller is fbql_value (whose own is fbql_value_hold_s)",
+        ),
+        (
+            "uniform",
+            True,
+            "fbql_hold_s",
+            "fbql_hold_s has no effect: it belongs to fbql, and the controller is uniform",
+        ),
+    ],
+)
+def test_a_parameter_without_effect_is_told_with_its_owner_and_what_has_one(
+    controller: str, guided: bool, name: str, line: str | None
+) -> None:
+    found = list(unused_parameters(FusionParameters(controller=controller), [name], guided))
+    assert found == ([] if line is None else [line])
