@@ -47,6 +47,8 @@ class AgeClock:
         self._clock = node.get_clock()
         self.is_simulated = self._clock.ros_time_is_active
         """Whether it is simulated time."""
+        self._offset_ns = time_ns() - monotonic_ns()
+        """By how much the system clock was ahead of the steady clock at the last message."""
         self._times: deque[tuple[int, int]] = deque(maxlen=_KEPT)
         """Times of /clock, and when the middleware received them."""
         if self.is_simulated:
@@ -66,7 +68,10 @@ class AgeClock:
         if not received_ns:
             return now_ns
         if not self.is_simulated:
-            return now_ns - max(time_ns() - received_ns, 0)
+            # Where the system clock was set meanwhile, the message counts as older than it is rather than as newer.
+            offset_ns, before_ns = time_ns() - now_ns, self._offset_ns
+            self._offset_ns = offset_ns
+            return min(received_ns - max(offset_ns, before_ns), now_ns)
         for at_ns, simulated_ns in reversed(self._times):
             if at_ns <= received_ns:
                 return min(simulated_ns, now_ns)
