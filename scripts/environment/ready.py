@@ -25,7 +25,7 @@ def environment_or_exit(purpose: str = "run") -> tuple[Target, dict[str, str]]:
         write((f"{error.details}\n" if error.details else "") + f"fbql: {shown(error)}\n")
         sys.exit(2)
     except KeyboardInterrupt:
-        write("fbql: the set-up was interrupted; the next start resumes it.\n")
+        write("fbql: the set-up was interrupted; the next start repeats what is unfinished.\n")
         sys.exit(130)
 
 

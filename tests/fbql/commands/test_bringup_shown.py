@@ -15,7 +15,7 @@ from bringup_run import Run, Terminal
 from fbql.cli import output
 from fbql.cli.output import LiveLine
 from fbql.match.options import match_from, match_parser, policy_summary
-from fbql.match.result import next_steps, status_line, summary_text
+from fbql.match.result import Asked, next_steps, status_line, summary_text
 from run_directory_reader import summary_of
 
 Start = Callable[..., Run]
@@ -106,6 +106,18 @@ def test_a_result_is_told_in_lines_that_fit_a_terminal(tmp_path: Path) -> None:
     assert "36024  messages in /run" in text
     assert max(map(len, text.splitlines())) < 80
     assert "INCOMPLETE" in summary_text({**SUMMARY, "incomplete": True}, Path("/run"), 1 / 60)
+
+
+@pytest.mark.parametrize(
+    ("asked", "after"),
+    [
+        (Asked(episodes=9), "4 of 9 episodes, 3 goals"),
+        (Asked(goals=9), "3 of 9 goals"),
+        (Asked(episodes=9, goals=9), "4 of 9 episodes and 3 of 9 goals"),
+    ],
+)
+def test_a_match_that_ended_early_tells_each_count_once(asked: Asked, after: str) -> None:
+    assert f"ENDED EARLY after {after}\n" in summary_text(SUMMARY, Path("/run"), 1 / 60, asked=asked)
 
 
 def test_guided_episodes_are_told_apart_from_what_they_count_in(tmp_path: Path) -> None:

@@ -89,7 +89,9 @@ def summary_text(
         rows.append(("", "INCOMPLETE", f"some of the output could not be written; see {run / 'log'}"))
     title = f"{summary['controller']}, seed {summary['seed']}: "
     if shortfall := asked.shortfall(episodes, goals):
-        title += f"ENDED EARLY after {shortfall}, {counted(goals, 'goal')}"
+        title += f"ENDED EARLY after {shortfall}"
+        if not asked.goals:  # else they are in it
+            title += f", {counted(goals, 'goal')}"
     else:
         title += f"{counted(goals, 'goal')} in {counted(episodes, 'episode')}{success}"
     lines = [f"  {name:<11} {value!s:>9}  {meaning}".rstrip() for name, value, meaning in rows]
