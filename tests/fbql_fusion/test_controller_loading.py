@@ -139,6 +139,24 @@ def test_a_function_registered_from_python_gets_all_parameters() -> None:
         ("def f(:\n", ":f", "SyntaxError in line 1"),
         ("class fbql: ...\n", ":fbql", "this package has a controller of that name"),
         ("class A:\n    Parameters = 3\n", ":A", "its Parameters must be a dataclass"),
+        ("class A:\n    class Parameters: ...\n", ":A", "its Parameters must be a dataclass"),
+        (
+            "from dataclasses import dataclass\n@dataclass\nclass P: ...\nclass A:\n    Parameters = P()\n",
+            ":A",
+            "its Parameters must be a dataclass",
+        ),
+        (
+            "from dataclasses import dataclass\nfrom fbql_common.core.parameters import parameter\n"
+            "class A:\n    @dataclass\n    class Parameters:\n        a: 'Nobody' = parameter(1, 'a')\n",
+            ":A",
+            "its Parameters can't be used (name 'Nobody' is not defined)",
+        ),
+        (
+            "from dataclasses import dataclass\nfrom fbql_common.core.parameters import parameter\n"
+            "class A:\n    @dataclass\n    class Parameters:\n        seed: int = parameter(0, 'another seed')\n",
+            ":A",
+            "fusion has a parameter 'seed' already; choose another name",
+        ),
         (
             "from dataclasses import dataclass\nclass A:\n    @dataclass\n    class Parameters:\n        a: int = 1\n",
             ":A",

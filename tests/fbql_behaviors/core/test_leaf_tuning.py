@@ -29,6 +29,7 @@ from fbql_behaviors.core.tree import Leaf, Split, Tree
 from fbql_behaviors.storage import load_tree, save_tree
 from fbql_common.core.errors import BadInput
 from fbql_common.core.field import MAX_WHEEL_RAD_S, WHEEL_RADIUS_M
+from fbql_common.core.parameters import check, limits_of
 from fbql_common.core.types import World
 from hypothesis import given
 from hypothesis import strategies as st
@@ -272,3 +273,19 @@ def test_every_behavior_is_tuned_by_the_same_setting_but_for_the_one_without_an_
     )  # fmt: skip
     assert tuning_of("ball_seeking") == tuning_of("approaching") == tuning_of("dance") == usual
     assert tuning_of("wall_avoiding") == replace(usual, episodes=400, discount=0.99)
+
+
+def test_each_setting_is_taken_up_to_its_bounds_and_not_beyond() -> None:
+    """These settings are those of no node, so docs/parameters.md does not hold their bounds."""
+    bounds = {
+        "episodes": (1, 10_000_000), "max_change": (1, 5), "discount": (0.0, 1.0), "credit_steps": (1, None),
+        "hold_steps": (1, None), "learning_rate": (0.0, 1.0), "epsilon_start": (0.0, 1.0), "epsilon_end": (0.0, 1.0),
+        "min_updates": (0, None),
+    }  # fmt: skip
+    assert {name: (limits.low, limits.high) for name, limits in limits_of(TuningParameters).items()} == bounds
+    for name, ends in bounds.items():
+        for end, beyond in zip(ends, (-1, 1), strict=True):
+            if end is not None:
+                check(replace(TuningParameters(), **{name: end}), "here")
+                with pytest.raises(BadInput, match=f"'{name}' is .*, outside of"):
+                    check(replace(TuningParameters(), **{name: end + beyond}), "here")

@@ -31,6 +31,14 @@ def literal(values: list[float], first: int = FIRST) -> list[int]:
     return keys
 
 
+def test_the_numbers_are_those_of_splitmix64_whatever_the_first() -> None:
+    """The first three that its authors' C code gives for the seed 0, without their lowest bit."""
+    published = [0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F]
+    assert splitmix64(3) == [number >> 1 for number in published]
+    assert splitmix64(2, first=2) == splitmix64(3)[1:]
+    assert splitmix64(0) == []
+
+
 @given(VALUES)
 def test_a_key_is_the_sum_of_coordinates_times_factors_and_the_number_of_the_tiling(values: list[float]) -> None:
     assert made().keys(values) == literal(values)
