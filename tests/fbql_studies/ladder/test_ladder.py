@@ -27,7 +27,6 @@ from fbql_studies.common.training import (
 from fbql_studies.ladder import study as ladder
 from fbql_studies.ladder.weight_maps import weight_maps
 from fbql_studies.paper import study as paper
-from fbql_studies.peers.study import evaluation_seed_of
 from fbql_studies.runner.study import MEASURED, Result
 from fbql_studies.scaling import study as scaling
 from fbql_studies.sensitivity import study as sensitivity
@@ -76,10 +75,6 @@ def test_no_study_shares_a_seed_or_a_tree_with_another_and_none_judges_what_it_t
         assert not sets & trees
         trees |= sets
     assert tuning.TUNING_SEED < FIRST_RUN_SEED
-
-
-def test_the_ladder_judges_on_the_episodes_of_the_peers() -> None:
-    assert ladder.SEEDS.judging(2, 3) == evaluation_seed_of(2, 3)
 
 
 def test_the_papers_tree_sets_end_before_those_of_other_studies() -> None:
