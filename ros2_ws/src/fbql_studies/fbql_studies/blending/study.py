@@ -19,11 +19,12 @@ from fbql_sim.core.world_loop import WorldLoop
 
 from fbql_studies.blending.mixing import SmoothedLoop, is_mixture, with_copies, with_mixtures
 from fbql_studies.common import methods
-from fbql_studies.common.controls import control_tasks, controls_played
+from fbql_studies.common.controls import controls_played
 from fbql_studies.common.fusion_tables import METHOD_COLUMNS, methods_table, robust_table, share
 from fbql_studies.common.methods import FBQL, RETUNED
 from fbql_studies.common.play import counts_of
-from fbql_studies.common.training import Seeds, add_training_options, check_training_options, train, training_of
+from fbql_studies.common.training import Seeds, add_training_options, train, training_of
+from fbql_studies.common.variants import costs_of, tasks_of
 from fbql_studies.runner.study import Parameters, Result, StudyTask
 
 DESCRIPTION = (
@@ -80,18 +81,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def tasks(options: argparse.Namespace) -> list[StudyTask]:
     """A training for each seed, tree set and way, the default first; then the controls."""
-    check_training_options(options)
-    given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
-    trainings = [
-        StudyTask(
-            f"{method.replace(' ', '_')}-trees{SEEDS.tree(k)}-seed{seed}",
-            {"part": method, "set": k, "seed": seed, "episodes": options.episodes, **given},
-        )
-        for seed in range(options.seeds)
-        for k in range(options.trees)
-        for method in TRAINED
-    ]
-    return [*trainings, *control_tasks(SEEDS, options.trees, options.seeds, given)]
+    return tasks_of(SEEDS, tuple(TRAINED), options)
 
 
 def run(parameters: Parameters) -> Result:
@@ -164,10 +154,5 @@ def figures(results: Mapping[str, Result], directory: Path) -> list[Path]:
     from fbql_studies.blending.figures import FIGURES
     from fbql_studies.common.drawing import keep_and_draw
 
-    names = ("method", "ratio_default", "ratio_default_low", "ratio_default_high")
-    costs = [
-        {name: row[name] for name in names}
-        for row in table(results)
-        if row["ratio_default"] is not None and row["method"] != FBQL
-    ]
+    costs = costs_of(table(results))
     return keep_and_draw(FIGURES, {"blending": costs} if costs else {}, directory)

@@ -49,6 +49,37 @@ Changes = Mapping[str, Any]
 """Parameter -> value."""
 
 
+def tasks_of(seeds: Seeds, names: Sequence[str], options: argparse.Namespace) -> list[StudyTask]:
+    """A training for each seed, tree set and method, the default first, so that all rows grow at the same rate; then the
+    controls.
+
+    Raises:
+        BadInput: an option out of range.
+    """
+    check_training_options(options)
+    given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
+    trainings = [
+        StudyTask(
+            f"{re.sub(r'[^a-z0-9.-]+', '_', name)}-trees{seeds.tree(k)}-seed{seed}",
+            {"part": name, "set": k, "seed": seed, "episodes": options.episodes, **given},
+        )
+        for seed in range(options.seeds)
+        for k in range(options.trees)
+        for name in names
+    ]
+    return [*trainings, *control_tasks(seeds, options.trees, options.seeds, given)]
+
+
+def costs_of(rows: Sequence[Row]) -> list[Row]:
+    """The numbers of the figure: what a goal costs with each method, relative to the default."""
+    names = ("method", "ratio_default", "ratio_default_low", "ratio_default_high")
+    return [
+        {name: row[name] for name in names}
+        for row in rows
+        if row["ratio_default"] is not None and row["method"] != DEFAULT
+    ]
+
+
 class Variants(NamedTuple):
     """The changes of a study, and how they are tested."""
 
@@ -59,20 +90,8 @@ class Variants(NamedTuple):
     """Name -> changes to the frozen play of what the default learned."""
 
     def tasks(self, options: argparse.Namespace) -> list[StudyTask]:
-        """A training for each seed, tree set and variant, the default first, so that all rows grow at the same rate;
-        then the controls."""
-        check_training_options(options)
-        given = {"evaluate": options.evaluate, "max_steps": options.max_steps}
-        trainings = [
-            StudyTask(
-                f"{re.sub(r'[^a-z0-9.-]+', '_', name)}-trees{self.seeds.tree(k)}-seed{seed}",
-                {"part": name, "set": k, "seed": seed, "episodes": options.episodes, **given},
-            )
-            for seed in range(options.seeds)
-            for k in range(options.trees)
-            for name in (DEFAULT, *self.trained)
-        ]
-        return [*trainings, *control_tasks(self.seeds, options.trees, options.seeds, given)]
+        """A training for each seed, tree set and variant, and the controls."""
+        return tasks_of(self.seeds, (DEFAULT, *self.trained), options)
 
     def run(self, parameters: Parameters) -> Result:
         """Trains one variant and plays it frozen; for the default also its variants of play and its frozen twins."""
@@ -116,12 +135,7 @@ class Variants(NamedTuple):
 
     def costs(self, results: Mapping[str, Result]) -> list[Row]:
         """The numbers of the figure: the cost of each variant relative to the default's."""
-        names = ("method", "ratio_default", "ratio_default_low", "ratio_default_high")
-        return [
-            {name: row[name] for name in names}
-            for row in self.table(results)
-            if row["ratio_default"] is not None and row["method"] != DEFAULT
-        ]
+        return costs_of(self.table(results))
 
     def figures(
         self, drawings: Mapping[str, Callable[[Any], Figure]], results: Mapping[str, Result], directory: Path
