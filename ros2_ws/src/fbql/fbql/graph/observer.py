@@ -15,12 +15,16 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
+from fbql.cli.interrupts import Interrupts
+
 _STATUS = "fusion: match"
 _WORLD_STATUS = "simulator: world"
 
 DISCOVERY_S = 4.5
 """How long what is already in a domain may stay unseen by a node that joins it [s]: participants announce themselves
 every 3 s, and a busy machine is late."""
+_LOOK_S = 0.05
+"""How long to receive messages between two looks [s]."""
 
 
 class CommandNode:
@@ -43,6 +47,15 @@ class CommandNode:
         while (left_s := deadline - monotonic()) > 0:
             # A new future each time: the executor leaves a callback in it.
             self._executor.spin_until_future_complete(Future(), timeout_sec=left_s)
+
+    def discover[T](self, seen: Callable[[], T], interrupts: Interrupts) -> T:
+        """What `seen` returns, once that is true, or else after `DISCOVERY_S`, or when a signal comes."""
+        deadline = monotonic() + DISCOVERY_S
+        while True:
+            self.look(_LOOK_S)
+            found = seen()
+            if found or interrupts.came or monotonic() > deadline:
+                return found
 
     def close(self) -> None:
         """Leaves the graph."""

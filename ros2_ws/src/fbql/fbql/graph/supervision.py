@@ -21,7 +21,7 @@ from fbql.cli.interrupts import Interrupts
 from fbql.cli.output import LiveLine
 from fbql.graph import launch
 from fbql.graph.domains import free_domain
-from fbql.graph.observer import DISCOVERY_S, Observer
+from fbql.graph.observer import Observer
 from fbql.graph.processes import NodeProcess, start, stop
 from fbql.match.options import Match
 from fbql.match.result import Asked, export_text, played_so_far, status_line
@@ -210,12 +210,9 @@ class Supervision:
 
     def _refuse_twins(self, match: Match, domain_id: int) -> None:
         """Two nodes of one name break a graph in ways that are hard to see. A free domain has none."""
-        deadline = monotonic() + DISCOVERY_S
-        twins: list[str] = []
+        names = set(launch.node_names(match))
         with closing(Observer(domain_id)) as observer:
-            while not (twins or self._interrupts.came or monotonic() > deadline):
-                observer.look(_LOOK_S)
-                twins = sorted(set(observer.nodes()) & set(launch.node_names(match)))
+            twins = observer.discover(lambda: sorted(set(observer.nodes()) & names), self._interrupts)
         if twins:
             raise BadInput(
                 f"node '{twins[0]}' is already running in ROS_DOMAIN_ID={domain_id}; "

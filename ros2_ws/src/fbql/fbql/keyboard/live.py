@@ -30,11 +30,10 @@ from rclpy.task import Future
 
 from fbql.cli.interrupts import Interrupts
 from fbql.graph.launch import executable
-from fbql.graph.observer import DISCOVERY_S, CommandNode
+from fbql.graph.observer import CommandNode
 from fbql.graph.processes import start, stop
 
 SIMULATOR = "simulator"
-_LOOK_S = 0.05
 PATIENCE_S = 20.0
 """How long the simulator may take to come up, and to answer [s]."""
 
@@ -132,15 +131,15 @@ class LiveSimulator:
 
     def _refuse_twin(self) -> None:
         """Two simulators in one graph would both step. Raises BadInput."""
-        deadline = monotonic() + DISCOVERY_S
-        while monotonic() < deadline and not self._interrupts.came:
-            self.look(_LOOK_S)
-            if self._input.publishers() > 0 or SIMULATOR in self._instructor.node.get_node_names():
-                self._instructor.close()
-                raise BadInput(
-                    f"a simulator is already running in ROS_DOMAIN_ID={self._domain_id}; "
-                    "end it, or unset ROS_DOMAIN_ID to get a free domain"
-                )
+        node = self._instructor.node
+        if self._instructor.discover(
+            lambda: self._input.publishers() > 0 or SIMULATOR in node.get_node_names(), self._interrupts
+        ):
+            self._instructor.close()
+            raise BadInput(
+                f"a simulator is already running in ROS_DOMAIN_ID={self._domain_id}; "
+                "end it, or unset ROS_DOMAIN_ID to get a free domain"
+            )
 
     def _on_answer(self, answer: Future) -> None:
         response = answer.result()
