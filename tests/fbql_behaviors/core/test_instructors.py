@@ -6,7 +6,17 @@ from math import cos, pi
 
 import numpy as np
 import pytest
-from fbql_behaviors.core.instructors import INSTRUCTORS, Habits, Hand, approach, avoid_wall, instructor_of, seek_ball
+from fbql_behaviors.core.instructors import (
+    AGILE,
+    INSTRUCTORS,
+    Habits,
+    Hand,
+    Steering,
+    approach,
+    avoid_wall,
+    instructor_of,
+    seek_ball,
+)
 from fbql_behaviors.core.observation import Law
 from fbql_behaviors.core.quantizer import LEVEL_RAD_S
 from fbql_common.core.errors import BadInput
@@ -31,6 +41,21 @@ def test_avoiding_backs_out_from_a_wall_ahead_and_drives_off_from_one_behind() -
 
 def test_approaching_is_fastest_in_line_with_the_goal() -> None:
     assert sum(approach((0.0, 0.0))) > sum(approach((0.0, 0.5))) > sum(approach((0.0, 1.0)))
+
+
+def test_steering_grows_with_the_error_up_to_the_most_there_is() -> None:
+    steering = Steering(20.0, 0.5)
+    turns = [(right - left) / 2 for left, right in (steering.towards(error, 0.0) for error in (0.0, 0.25, 0.5, 2.0))]
+    assert turns == [0.0, 10.0, 20.0, 20.0]
+
+
+def test_an_agile_instructor_drives_backwards_where_that_is_the_smaller_turn() -> None:
+    assert seek_ball((1.0, pi), AGILE) == (-65.0, -65.0)
+    left, right = seek_ball((1.0, 3.0), AGILE)
+    assert left + right < 0.0
+    assert left > right, "the tail turns left, to the ball behind it on the left, when the robot turns right"
+    assert sum(seek_ball((1.0, 1.5), AGILE)) > 0.0
+    assert sum(approach((2.5, 0.3), AGILE)) < 0.0
 
 
 @pytest.mark.parametrize("behavior", sorted(INSTRUCTORS))

@@ -232,3 +232,25 @@ def test_wall_contact_means_the_robot_is_at_a_wall() -> None:
         elif distance < 0.0375:
             pytest.fail(f"overlap without contact in step {world.step}")
     assert touched > 5
+
+
+def test_resuming_goes_on_from_a_world_with_its_places_and_speeds() -> None:
+    played, other = WorldLoop(), WorldLoop()
+    world = played.reset(4, 11)
+    for _ in range(40):
+        world = played.step(60.0, 35.0)
+    resumed = other.resume(world)
+    assert resumed.episode == 4
+    assert resumed.step == 0
+    names = (
+        "robot_x_m",
+        "robot_y_m",
+        "robot_yaw_rad",
+        "robot_speed_m_s",
+        "robot_yaw_rate_rad_s",
+        "ball_x_m",
+        "ball_y_m",
+    )
+    for name in (*names, "ball_vx_m_s", "ball_vy_m_s"):
+        assert getattr(resumed, name) == pytest.approx(getattr(world, name), abs=1e-12), name
+    assert other.resume(world)[1:] == resumed[1:], "whatever was played before"

@@ -79,14 +79,20 @@ def at_rest(start: Start) -> World:
 
 
 def instruct(
-    behavior: str, seed: int, count: int, steps: int, progress: Callable[[int], None] = lambda _: None
+    behavior: str,
+    seed: int,
+    count: int,
+    steps: int,
+    progress: Callable[[int], None] = lambda _: None,
+    law: Law | None = None,
 ) -> list[Demonstration]:
     """`count` demonstrations of a behavior by its scripted instructor, each of at most `steps` steps.
 
-    The same arguments give the same demonstrations. `progress` is called with the number made so far.
+    The same arguments give the same demonstrations. `progress` is called with the number made so far. `law` drives in
+    the instructor's place.
     Raises BadInput for a behavior without an instructor or with one that fails, or a number out of range.
     """
-    law, sense = instructor_of(behavior), observation_of(behavior).sense
+    law, sense = law or instructor_of(behavior), observation_of(behavior).sense
     if law is observation_of(behavior).instructor:
         law = _guard(law, behavior)
     _check("demonstrations", count, 1)

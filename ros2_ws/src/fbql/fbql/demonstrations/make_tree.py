@@ -13,7 +13,7 @@ from typing import Any
 from fbql_behaviors.cart import grow_cart, scikit_learn
 from fbql_behaviors.core.evaluation import cross_validated_rmse
 from fbql_behaviors.core.induction import Induced, InductionParameters, induce
-from fbql_behaviors.core.observation import OBSERVATIONS, observation_of
+from fbql_behaviors.core.observation import OBSERVATIONS, Law, observation_of
 from fbql_behaviors.core.patterns import Demonstration, Patterns, patterns_of
 from fbql_behaviors.core.recipes import RECIPES, Recipe, recipe_of
 from fbql_behaviors.core.tree import Tree
@@ -153,9 +153,9 @@ def _grow(request: InductionRequest, patterns: Patterns) -> InducedTree:
     return InducedTree(tree, value, curve)
 
 
-def make_tree(behavior: str, demonstration_seed: int = DEMONSTRATION_SEED) -> Induced:
-    """A behavior's tree by its recipe; with the default seed the shipped one."""
+def make_tree(behavior: str, demonstration_seed: int = DEMONSTRATION_SEED, instructor: Law | None = None) -> Induced:
+    """A behavior's tree by its recipe; with the default seed and its own instructor the shipped one."""
     recipe = RECIPES[behavior]
-    demonstrations = instruct(behavior, demonstration_seed, recipe.demonstrations, recipe.steps)
+    demonstrations = instruct(behavior, demonstration_seed, recipe.demonstrations, recipe.steps, law=instructor)
     patterns = patterns_of(demonstrations, OBSERVATIONS[behavior], recipe.every, recipe.patterns)
     return induce(behavior, patterns, recipe.induction, INDUCTION_SEED)

@@ -11,10 +11,12 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from fbql_common.core.errors import BadInput
 from fbql_common.core.field import MAX_WHEEL_RAD_S
+from fbql_common.core.geometry import wrap_angle
 
 from fbql_behaviors.core.observation import OBSERVATIONS, Law
 from fbql_behaviors.core.quantizer import LEVEL_RAD_S
@@ -25,10 +27,34 @@ HEAD_ON_RAD = 1.3
 """Bearing of a wall below which the instructor backs away [rad]."""
 
 
-def seek_ball(observation: Sequence[float]) -> tuple[float, float]:
+class Steering(NamedTuple):
+    """How an instructor steers to a direction."""
+
+    most_turn_rad_s: float = 18.0
+    """What one wheel gains and the other loses where the heading is off by `full_turn_rad` or more."""
+    full_turn_rad: float = 1.0
+    reverses: bool = False
+    """Drives backwards where that is the smaller turn."""
+
+    def towards(self, error_rad: float, speed_rad_s: float) -> tuple[float, float]:
+        """Wheel velocities [rad/s] for a heading error [rad], the slower the larger the error."""
+        if self.reverses and abs(error_rad) > pi / 2:
+            error_rad, speed_rad_s = wrap_angle(error_rad + pi), -speed_rad_s
+        turn = self.most_turn_rad_s * min(max(error_rad / self.full_turn_rad, -1.0), 1.0)
+        forward = speed_rad_s * max(cos(error_rad), 0.0)
+        return forward - turn, forward + turn
+
+
+FORWARDS = Steering()
+"""How the shipped demonstrations were driven."""
+AGILE = Steering(25.0, 0.5, reverses=True)
+"""Steers harder, and drives backwards too: see the study `limits`."""
+
+
+def seek_ball(observation: Sequence[float], steering: Steering = FORWARDS) -> tuple[float, float]:
     """Turns to the ball and drives at it, faster the more directly it is ahead."""
     _, bearing = observation
-    return _steer(bearing, forward_rad_s=65.0)
+    return steering.towards(bearing, 65.0)
 
 
 def avoid_wall(observation: Sequence[float]) -> tuple[float, float]:
@@ -46,16 +72,10 @@ def avoid_wall(observation: Sequence[float]) -> tuple[float, float]:
     return forward - turn, forward + turn
 
 
-def approach(observation: Sequence[float]) -> tuple[float, float]:
+def approach(observation: Sequence[float], steering: Steering = FORWARDS) -> tuple[float, float]:
     """Steers along the detour round the ball; faster when the push will go towards the goal (psi near 0)."""
     error, psi = observation
-    return _steer(error, forward_rad_s=50.0 + 20.0 * max(0.0, 1.0 - abs(psi) / 0.8))
-
-
-def _steer(error_rad: float, forward_rad_s: float) -> tuple[float, float]:
-    turn = 18.0 * min(max(error_rad, -1.0), 1.0)
-    forward = forward_rad_s * max(cos(error_rad), 0.0)
-    return forward - turn, forward + turn
+    return steering.towards(error, 50.0 + 20.0 * max(0.0, 1.0 - abs(psi) / 0.8))
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ OVERLAP_LOSS_1_S = 160.0
 
 
 class Start(NamedTuple):
-    """Where robot and ball stand at the start of an episode [m, rad]; the robot is at rest, the ball may roll [m/s]."""
+    """Where robot and ball stand at the start of an episode [m, rad], and how they move there, if at all [m/s, rad/s]."""
 
     robot_x_m: float
     robot_y_m: float
@@ -47,6 +47,9 @@ class Start(NamedTuple):
     ball_y_m: float
     ball_vx_m_s: float = 0.0
     ball_vy_m_s: float = 0.0
+    robot_speed_m_s: float = 0.0
+    """Along the heading."""
+    robot_yaw_rate_rad_s: float = 0.0
 
 
 class Physics:
@@ -81,6 +84,9 @@ class Physics:
             parameters.robot_mass_kg, pymunk.moment_for_box(parameters.robot_mass_kg, (ROBOT_SIDE_M, ROBOT_SIDE_M))
         )
         robot.position, robot.angle = (start.robot_x_m, start.robot_y_m), start.robot_yaw_rad
+        if speed := start.robot_speed_m_s:
+            robot.velocity = (speed * cos(start.robot_yaw_rad), speed * sin(start.robot_yaw_rad))
+        robot.angular_velocity = start.robot_yaw_rate_rad_s
         ball_moment = 0.4 * parameters.ball_mass_kg * BALL_RADIUS_M**2
         self._ball_body = ball = pymunk.Body(parameters.ball_mass_kg, ball_moment)
         ball.position = (start.ball_x_m, start.ball_y_m)

@@ -9,7 +9,7 @@ from fbql_common.core.walls import closest_wall_point
 
 from fbql_sim.core.measurement import Measurement
 from fbql_sim.core.parameters import SimulationParameters
-from fbql_sim.core.physics import Physics
+from fbql_sim.core.physics import Physics, Start
 from fbql_sim.core.task import NO_EVENTS, Events, Task
 
 
@@ -45,6 +45,18 @@ class WorldLoop:
         self._physics.reset(self._task.begin(seed))
         self._measurement.begin(seed)
         self._episode, self._step = episode, 0
+        return self._observe(NO_EVENTS)
+
+    def resume(self, world: World) -> World:
+        """Goes on from a world, which may be another loop's, and returns it as the first world of an episode.
+
+        What a world does not hold is as after `reset` with seed 0: the gains of the wheels and their noise, delayed
+        commands, sideways slip and the ball's spin.
+        """
+        self._task.begin(0)
+        self._measurement.begin(0)
+        self._physics.reset(Start(*(getattr(world, name) for name in Start._fields)))
+        self._episode, self._step = world.episode, 0
         return self._observe(NO_EVENTS)
 
     def step(self, left_rad_s: float, right_rad_s: float) -> World:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import prod
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from fbql.demonstrations.make_tree import make_tree
@@ -12,6 +13,7 @@ from fbql.match.in_process import play
 from fbql.match.trees import playing_trees
 from fbql.statistics.tables import Row
 from fbql_behaviors.core.behavior import Behavior
+from fbql_behaviors.core.observation import Law
 from fbql_common.core.errors import BadInput
 from fbql_common.core.types import BehaviorOutput, Decision, WheelCommand, World
 from fbql_fusion.core.controllers.parameters import GUIDED_EPISODES
@@ -67,9 +69,13 @@ class Seeds(NamedTuple):
         return {"method": method, "tree_seed": self.tree(tree_set), "seed": seed, **counts}
 
 
-def behaviors_of(tree_seed: int) -> list[Behavior]:
-    """The behaviors whose trees are made from the demonstrations of a seed."""
-    return [Behavior(name, make_tree(name, tree_seed).tree) for name in BEHAVIORS]
+def behaviors_of(tree_seed: int, instructors: Mapping[str, Law] = MappingProxyType({})) -> list[Behavior]:
+    """The behaviors whose trees are made from the demonstrations of a seed.
+
+    Args:
+        instructors: behavior -> who demonstrates it in its own instructor's place.
+    """
+    return [Behavior(name, make_tree(name, tree_seed, instructors.get(name)).tree) for name in BEHAVIORS]
 
 
 def add_max_steps(parser: ArgumentParser) -> None:

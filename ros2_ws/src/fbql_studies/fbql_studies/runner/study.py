@@ -94,6 +94,7 @@ STUDIES: dict[str, str] = {
         "ladder",
         "law",
         "leaf_tuning",
+        "limits",
         "mux",
         "objectives",
         "paper",
