@@ -74,7 +74,7 @@ def test_a_shell_gets_the_very_values(tmp_path):
         text = exports({"PATH": "/usr/bin:/bin"}, {"PATH": "/usr/bin:/bin", **values})
         done = subprocess.run(
             ["bash", "-c", 'eval "$1"; env -0', "bash", os.fsencode(text)], env={"PATH": "/usr/bin:/bin"}, capture_output=True,
-            timeout=20, check=False,
+            timeout=120, check=False,
         )  # fmt: skip
         pairs = (each.partition(b"=") for each in done.stdout.split(b"\0"))
         shown = {os.fsdecode(name): os.fsdecode(value) for name, _, value in pairs}

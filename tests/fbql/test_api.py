@@ -34,7 +34,7 @@ class Blocked:
 sys.meta_path.insert(0, Blocked())
 fbql.play("uniform", episodes=1, max_steps=20), fbql.induce("ball_seeking", patterns=30), fbql.open_run
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
 
 

@@ -25,7 +25,7 @@ from std_msgs.msg import String
 
 Start = Callable[..., Run]
 LINE = re.compile(r"export (ROS_DOMAIN_ID=\d+) (ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST)")
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 
 def ros2(place: Path, exported: dict[str, str], *words: str) -> subprocess.CompletedProcess[str]:

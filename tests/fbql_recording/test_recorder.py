@@ -444,7 +444,7 @@ def test_a_full_file_system_stops_the_recording_and_nothing_else(tmp_path):
         [*namespace, "sh", "-c", command, "sh", str(tmp_path), sys.executable, str(scenario), str(tmp_path)],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -117,7 +117,7 @@ def test_runs_of_one_name_that_begin_at_once_get_a_directory_each(tmp_path):
     together = threading.Barrier(count)
 
     def begin(_):
-        together.wait(timeout=10)
+        together.wait(timeout=120)
         return create_next_run_directory(tmp_path, "run")
 
     with ThreadPoolExecutor(count) as pool:

@@ -343,7 +343,7 @@ def test_many_environments_can_be_made_at_once(mode: str) -> None:
 
 def test_without_gymnasium_the_package_works_and_the_environment_says_what_is_missing_in_one_line() -> None:
     done = subprocess.run(
-        [sys.executable, "-c", WITHOUT_GYMNASIUM], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", WITHOUT_GYMNASIUM], capture_output=True, text=True, timeout=120, check=False
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout == (

@@ -171,7 +171,7 @@ def in_namespace(before: str, after: str = "true") -> list[str]:
     """
     try:
         done = subprocess.run(
-            [*_NAMESPACE, "sh", "-c", before], capture_output=True, text=True, timeout=20, check=False
+            [*_NAMESPACE, "sh", "-c", before], capture_output=True, text=True, timeout=120, check=False
         )
     except OSError as error:
         pytest.skip(f"no mount namespaces here: {error}")

@@ -28,7 +28,7 @@ def read_with_javascript(path: Path) -> dict[str, Any]:
         env=os.environ | {"NODE_PATH": str(MODULES)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -184,7 +184,7 @@ def assert_loads_without_ros(names: list[str]) -> None:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
         check=False,
     )
     assert done.returncode == 0, done.stderr

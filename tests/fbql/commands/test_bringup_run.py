@@ -191,7 +191,7 @@ def test_the_readers_of_foxglove_read_it_completely(run: Run, summary: dict[str,
         env={**os.environ, "NODE_PATH": str(modules)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
         check=False,
     )
     assert done.returncode == 0, done.stderr

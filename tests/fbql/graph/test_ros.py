@@ -14,7 +14,7 @@ from typing import Any
 import domain_coordinator
 import pytest
 import rclpy
-from bringup_run import BEHAVIORS, END_S, Run
+from bringup_run import BEHAVIORS, END_S, PATIENCE_S, Run
 from fbql_common.qos import STEP_QOS
 from fbql_msgs.msg import BehaviorOutput, FusionDecision, WheelCommand, WorldState
 from geometry_msgs.msg import PoseStamped
@@ -61,7 +61,7 @@ def test_in_real_time_a_second_takes_a_second_and_ros_tools_see_everything(
     executor.add_node(tool)
     match = ("--processes", "one", "--realtime", "1", "--episodes", "2", "--max-steps", "150", "--seed", "3")
     run = start(*match, environment={"ROS_DOMAIN_ID": str(domain_id)})
-    deadline = monotonic() + 60
+    deadline = monotonic() + PATIENCE_S
     while run.popen.poll() is None and monotonic() < deadline:
         executor.spin_once(timeout_sec=0.1)
     assert run.exit_code(0) == 0, run.stderr
@@ -117,7 +117,7 @@ def test_garbage_on_every_topic_changes_nothing_of_a_match(start: Start, tool: N
     executor.add_node(tool)
     run = start(*match, environment={"ROS_DOMAIN_ID": str(domain_id)})
     chance = random.Random(1)
-    deadline = monotonic() + 60
+    deadline = monotonic() + PATIENCE_S
     while run.popen.poll() is None and monotonic() < deadline:
         for kind, publisher in publishers:
             publisher.publish(garbage(kind, chance))

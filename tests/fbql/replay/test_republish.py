@@ -33,7 +33,7 @@ from recorded_match import record_match
 from replay_listener import padded_hash, read_hash
 from rewritten_run import rewrite
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 LISTENER = ROOT / "tests" / "helpers" / "replay_listener.py"
 COMMAND = [sys.executable, "-c", "import sys; from fbql.cli.app import run; sys.exit(run('replay', sys.argv[1:]))"]
 

@@ -36,7 +36,7 @@ class Compiled:
             [compiler, *STRICT, str(source), "-o", str(library)],
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=120,
             check=False,
         )
         assert done.returncode == 0, done.stderr

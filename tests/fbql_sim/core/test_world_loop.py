@@ -115,7 +115,7 @@ def test_another_process_plays_the_same_worlds() -> None:
         loop.step(60.0 + k % 7, 60.0)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     other = subprocess.run(
-        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=120, check=True
     )
     assert other.stdout.strip() == repr(tuple(loop.world))
 

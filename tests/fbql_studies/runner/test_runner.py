@@ -160,7 +160,7 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(tmp_path: Path) -> None:
     process = launched(tmp_path, "--seeds", "0", "--others", "wait")
     probe_study.wait_for(tmp_path / "waits")
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=120)
     assert process.returncode == 1
     assert errors.splitlines()[-1] == "experiment.py: stopped; the same command resumes from here"
     assert not is_running(int((tmp_path / "waits").read_text()))
@@ -176,7 +176,7 @@ def test_a_second_run_into_a_directory_is_refused_while_the_first_goes_on(
         assert "a study is running there now" in capsys.readouterr().err
     finally:
         (tmp_path / "gate").touch()
-        out, _ = process.communicate(timeout=60)
+        out, _ = process.communicate(timeout=120)
     assert process.returncode == 0
     assert json.loads(out)["done"] == 1
 
@@ -448,7 +448,7 @@ def cluster(place: Path, workers: int = 2) -> Iterator[tuple[str, list[subproces
         for process in processes:
             process.kill()  # a worker that is asked to end may wait for a scheduler that ends as well
         for process in processes:
-            process.wait(timeout=30)
+            process.wait(timeout=120)
 
 
 @pytest.mark.long
