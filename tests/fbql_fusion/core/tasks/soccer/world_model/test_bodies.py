@@ -34,6 +34,12 @@ def test_a_ball_before_the_robot_is_moved_straight_ahead() -> None:
     assert ball_off_robot(0.05, 0.01) == pytest.approx((HALF + BALL_RADIUS_M, 0.01))
     assert ball_off_robot(-0.02, 0.01) == pytest.approx((-HALF - BALL_RADIUS_M, 0.01))
     assert ball_off_robot(0.01, -0.02) == pytest.approx((0.01, -HALF - BALL_RADIUS_M))
+    assert ball_off_robot(0.01, 0.02) == pytest.approx((0.01, HALF + BALL_RADIUS_M))
+
+
+def test_a_ball_that_is_as_near_to_two_sides_leaves_ahead_or_behind() -> None:
+    assert ball_off_robot(0.0, 0.0) == pytest.approx((HALF + BALL_RADIUS_M, 0.0))
+    assert ball_off_robot(-0.02, 0.02) == pytest.approx((-HALF - BALL_RADIUS_M, 0.02))
 
 
 @given(st.floats(-POCKET, POCKET), st.floats(-HALF_WIDTH, HALF_WIDTH))

@@ -52,6 +52,12 @@ def test_a_row_on_the_threshold_belongs_to_the_right_part() -> None:
     assert (counts.tolist(), sums.tolist()) == ([1], [[7.0]])
 
 
+def test_an_input_on_the_threshold_leads_to_the_right_child() -> None:
+    nodes = np.array([[1.0, 0.5, 2.0], [-1.0, 0.0, 0.0], [-1.0, 0.0, 1.0]])
+    forest = Forest(np.zeros(1, dtype=np.int64), nodes, np.zeros((2, 1)))
+    assert [leaf_of(forest, 0, np.array([9.0, x])) for x in (0.4, 0.5, 0.6)] == [0, 1, 1]
+
+
 def test_rows_are_parted_in_their_order_and_one_on_the_threshold_goes_to_the_right() -> None:
     x = np.array([[3.0], [1.0], [2.0], [0.0]])
     for split in (part.interpreted, part.function):
@@ -107,6 +113,14 @@ def test_from_too_few_rows_nothing_is_predicted() -> None:
     x, y = some(5)
     assert len(fit_forest(x, y, 5, 3, np.random.default_rng(1)).roots) == 0
     assert len(no_forest(2).roots) == 0
+
+
+def test_as_many_rows_as_two_leaves_need_are_split() -> None:
+    x = np.repeat([[0.0], [1.0]], 3, axis=0)
+    forest = fit_forest(x, 10.0 * x, 2, 3, np.random.default_rng(1))
+    assert forest.roots.tolist() == [0, 3]
+    assert forest.outputs.tolist() == [[0.0], [10.0]] * 2
+    assert len(fit_forest(x[:5], x[:5], 2, 3, np.random.default_rng(1)).roots) == 0
 
 
 def test_inputs_that_never_differ_are_not_split_on() -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import exp
+from math import exp, nextafter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,24 +12,28 @@ from fbql_behaviors.core.behavior import Behavior
 from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.types import World
-from fbql_common.core.walls import closest_wall_point
-from fbql_fusion.core.learners.features import Features, Resolution, Scales, Situation
+from fbql_common.core.walls import HALF_GOAL, closest_wall_point
+from fbql_fusion.core.learners.features import Features, KeyIndex, Resolution, Scales, Situation
 from fbql_fusion.core.learners.tilings import critic_tilings
 from fbql_fusion.core.tasks.soccer.critic import WIDTHS, critic_inputs
+from fbql_fusion.core.tasks.soccer.world_model import imagination
 from fbql_fusion.core.tasks.soccer.world_model.ball import Rolling
 from fbql_fusion.core.tasks.soccer.world_model.forest import Forest
 from fbql_fusion.core.tasks.soccer.world_model.imagination import (
     GOAL,
+    GOAL_X_M,
     OWN_GOAL,
     TIMEOUT,
     Imagined,
     ImaginedWorld,
     Rewards,
+    Rules,
     draw_driver,
     imagined_starts,
+    play_episodes,
     within_numbers,
 )
-from fbql_fusion.core.tasks.soccer.world_model.model import EMPTY, WorldModel
+from fbql_fusion.core.tasks.soccer.world_model.model import EMPTY, State, WorldModel, next_state
 from fbql_fusion.core.tasks.soccer.world_model.parameters import WorldModelParameters
 from fbql_fusion.core.tasks.soccer.world_model.real_steps import RealSteps
 from fbql_fusion.core.tasks.soccer.world_model.robot import Wheels
@@ -231,6 +236,54 @@ def test_starts_are_near_observed_ones_or_observed_states() -> None:
     assert (both[:, 6] < 0.0).mean() == pytest.approx(0.5, abs=0.05)
 
 
+def test_only_places_are_jittered_to_both_sides() -> None:
+    start = np.array([[-0.9, 0.0, 0.1, 0.2, 0.3, 0.5, 0.5, 0.6, 0.7]])
+    parameters = replace(SAME_PLACE, imagined_start_jitter_m=0.02, model_known_sizes=False)
+    moved = imagined_starts(start, start, 1000, parameters, np.random.default_rng(2)) - start
+    furthest = np.array([0.02, 0.02, 0.0, 0.0, 0.0, 0.02, 0.02, 0.0, 0.0])
+    assert moved.max(axis=0) == pytest.approx(furthest, abs=1e-3)
+    assert moved.min(axis=0) == pytest.approx(-furthest, abs=1e-3)
+
+
+def test_the_wheels_of_each_episode_have_gains_of_their_own_around_1(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[NDArray[np.float64]] = []
+
+    def watched(*arguments: Any) -> Any:
+        seen.append(arguments[6])
+        return play_episodes(*arguments)
+
+    monkeypatch.setattr(imagination, "play_episodes", watched)
+    played(AWAY, MODEL._replace(gain_deviation=0.05), episodes=400, parameters=replace(SAME_PLACE, imagined_max_steps=1))
+    (gains,) = seen
+    assert gains.shape == (400, 2)
+    assert gains.mean(axis=0) == pytest.approx([1.0, 1.0], abs=0.01)
+    assert gains.std(axis=0) == pytest.approx([0.05, 0.05], rel=0.15)
+    assert abs(np.corrcoef(gains.T)[0, 1]) < 0.2
+
+
+@pytest.mark.parametrize(("left", "right"), [(1.0, 1.1), (0.9, 1.0)])
+def test_a_gain_is_that_of_its_own_wheel(left: float, right: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Driven alike, the robot turns away from the wheel that gains more."""
+    told: list[tuple[float, ...]] = []
+
+    def watched(model: WorldModel, state: State, *commands: Any) -> Any:
+        told.append(commands[:2])
+        return next_state(model, state, *commands)
+
+    def with_gains(*arguments: Any) -> Any:
+        return play_episodes(*arguments[:6], np.array([[left, right]]), *arguments[7:])
+
+    monkeypatch.setattr(imagination, "next_state", watched)
+    monkeypatch.setattr(imagination, "play_episodes", with_gains)
+    one = TreeParts([0], [(20.0, 20.0)], "one")
+    steps = steps_from(AWAY)
+    team = Team([one] * 3, list(SENSES))
+    ImaginedWorld(MODEL, team, some_features(critic=0, leaf_pairs=False), REWARDS, steps, SAME_PLACE).play(
+        np.zeros((0, 3)), 1, 4, 0.9, np.random.default_rng(3)
+    )
+    assert told[0] == pytest.approx((0.02 * 20.0 * left, 0.02 * 20.0 * right))
+
+
 def test_no_start_overlaps_a_wall() -> None:
     starts = np.array([[0.0, 0.86, 0.0, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0]])
     parameters = replace(SAME_PLACE, imagined_start_jitter_m=0.02)
@@ -244,3 +297,20 @@ def test_a_bad_model_does_not_lead_out_of_the_numbers() -> None:
     assert within_numbers((9.0, -9.0, 1.0, 99.0, -999.0, -9.0, 9.0, 99.0, -99.0)) == pytest.approx((
         1.2, -0.9, 1.0, 10.0, -100.0, -1.2, 0.9, 10.0, -10.0,
     ))  # fmt: skip
+    assert within_numbers((-9.0, 9.0, 1.0, -99.0, 999.0, 9.0, -9.0, -99.0, 99.0)) == pytest.approx((
+        -1.2, 0.9, 1.0, -10.0, 100.0, 1.2, -0.9, -10.0, 10.0,
+    ))  # fmt: skip
+
+
+def test_a_ball_beside_the_goal_is_in_no_goal() -> None:
+    """Without the known sizes it could be there."""
+    free = MODEL._replace(known_sizes=False)
+    for y, outcome in ((HALF_GOAL, TIMEOUT), (nextafter(HALF_GOAL, 0.0), GOAL)):
+        start = np.array([[0.0, 0.5, 0.0, 0.0, 0.0, GOAL_X_M, y, 0.0, 0.0]])
+        features = some_features()
+        rules = Rules(REWARDS, 4, 0.9, 3, False)
+        found, _ = play_episodes(
+            free, TEAM.trees, features.tables(), KeyIndex.of(features.keys), np.zeros((0, 3)), start, np.ones((1, 2)),
+            rules, np.random.default_rng(3),
+        )  # fmt: skip
+        assert found.outcomes.tolist() == [outcome]

@@ -41,6 +41,26 @@ def test_with_many_rows_few_of_those_found_are_far_from_the_nearest() -> None:
     assert misses <= 5
 
 
+def test_every_node_divides_its_rows_in_the_middle_along_the_input_that_varies_most() -> None:
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=(200, 3)) + np.array([0.0, -50.0, 5.0])
+    kept = fit_neighbours(x, x)
+    divided, pending = 0, [(0, 0, len(x))]
+    while pending:
+        node, begin, end = pending.pop()
+        axis, own = kept.axes[node], kept.inputs[begin:end]
+        if axis < 0:
+            assert end - begin <= 12
+            continue
+        middle = (begin + end) // 2
+        assert end - begin > 12
+        assert axis == np.argmax(np.ptp(own, axis=0))
+        assert kept.inputs[begin:middle, axis].max() <= kept.cuts[node] == kept.inputs[middle:end, axis].min()
+        divided += 1
+        pending += [(2 * node + 1, begin, middle), (2 * node + 2, middle, end)]
+    assert divided == 1 + 2 + 4 + 8 + 8  # the larger half of 25 rows is divided once more
+
+
 def test_inputs_of_other_units_count_alike() -> None:
     rng = np.random.default_rng(1)
     x, query = rng.normal(size=(500, 4)), rng.normal(size=4)

@@ -33,6 +33,17 @@ def test_a_transition_has_its_command_between_the_two_states() -> None:
     assert real.before[0] == pytest.approx(state_of(WORLD._replace(ball_x_m=0.0)), abs=1e-7)
 
 
+def test_the_marks_of_a_stored_step_tell_begin_contact_and_collision_by_a_bit_each() -> None:
+    """Stored policies depend on them."""
+    steps = RealSteps(100)
+    steps.begin(WORLD)
+    for touches, begins, ends in ((True, True, False), (True, False, False), (False, False, True)):
+        steps.add(1.0, 2.0, WORLD._replace(collision=touches, collision_begun=begins, terminated=ends))
+    assert steps.to_arrays()["real_marks"].tolist() == [1, 2 + 4, 2, 0]
+    real = steps.transitions()
+    assert (real.touched.tolist(), real.collides.tolist()) == ([1.0, 1.0, 0.0], [True, False, False])
+
+
 def test_no_transition_leads_from_one_episode_to_the_next() -> None:
     steps = RealSteps(100)
     played(steps, 3)
