@@ -81,6 +81,28 @@ def test_padding_at_the_end_is_accepted():
     assert codec.decode(codec.encode((1, True)) + bytes(3)) == [1, True]
 
 
+def test_room_for_each_sequence_is_accepted_at_the_end_and_no_byte_more():
+    codec = Codec(["sequence<int32>", "sequence<bool>", "int32"])
+    data = codec.encode(((), (), 1))
+    assert codec.decode(data + bytes(3 + 2 * 4)) == [(), (), 1]
+    with pytest.raises(Malformed, match="12 bytes too long"):
+        codec.decode(data + bytes(3 + 2 * 4 + 1))
+
+
+def test_a_sequence_has_at_most_4096_items():
+    codec = Codec(["sequence<uint8>"])
+    assert codec.decode(codec.encode((bytes(4096),))) == [(0,) * 4096]
+    with pytest.raises(Malformed, match="a sequence of 4097 items"):
+        codec.decode(codec.encode(([0] * 4097,)))
+
+
+def test_a_text_without_its_null_character_is_malformed():
+    codec = Codec(["string"])
+    for text in (b"\x00\0\0\0", b"\x02\0\0\0ab"):
+        with pytest.raises(Malformed, match="does not end"):
+            codec.decode(b"\x00\x01\x00\x00" + text)
+
+
 @pytest.mark.parametrize(
     ("kind", "value"),
     [

@@ -6,6 +6,7 @@ import pytest
 from fbql_common.core.field import MAX_WHEEL_RAD_S, WHEELS
 from fbql_common.core.types import BehaviorOutput
 from fbql_fusion.core.blending import blend, live_weights
+from fbql_fusion.core.tasks.twist.answers import SourceLeaves
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -39,6 +40,21 @@ def test_weights_of_wrong_length_or_not_finite_give_way_to_uniform_ones(weights)
     assert fused.rejected
     assert fused.weights == (1 / 3,) * 3
     assert fused.command == pytest.approx((6.0, 1.0))
+
+
+@pytest.mark.parametrize(("more", "used"), [(0.9e-9, True), (-0.9e-9, True), (1.1e-9, False), (-1.1e-9, False)])
+def test_weights_that_sum_to_1_within_a_billionth_are_used_as_they_are_and_others_in_proportion(more, used):
+    weights = (0.5, 0.5 + more)
+    fused = blend(weights, [answer(10.0, 0.0), answer(0.0, 10.0)], WHEELS)
+    assert (fused.weights == weights) == used
+    assert sum(fused.weights) == (sum(weights) if used else pytest.approx(1.0, abs=1e-15))
+    assert not fused.rejected
+
+
+def test_one_that_answers_but_may_not_drive_counts_as_missing():
+    leaves = SourceLeaves(WHEELS)
+    fused = blend((0.75, 0.25), [leaves.answer((8.0, 8.0), active=False), leaves.answer((4.0, 2.0))], WHEELS)
+    assert fused == ((4.0, 2.0), (0.0, 1.0), False)
 
 
 def test_weights_of_missing_behaviors_are_shared_in_proportion():

@@ -102,6 +102,24 @@ def test_a_schema_that_cannot_be_read_is_one_line(schema, says):
         fields_of("pkg/msg/A", schema)
 
 
+def nested(depth: int) -> str:
+    """A message that holds others, each in the one before it, and a number in the last."""
+    parts = [f"A{k} x\n{LINE}\nMSG: pkg/A{k}\n" for k in range(depth)]
+    return "".join(parts) + "bool y"
+
+
+def test_a_schema_is_read_up_to_each_limit_and_not_beyond():
+    assert len(fields_of("pkg/msg/A", "float64[4096] x")) == 4096
+    assert [field.name for field in fields_of("pkg/msg/A", nested(8))] == ["x." * 8 + "y"]
+    with pytest.raises(BadInput, match="nests pkg/A8 more than 8 deep"):
+        fields_of("pkg/msg/A", nested(9))
+    visit = 80  # counts for each message in addition to its text
+    longest = "bool x\n#".ljust(2**22 - visit, "z")
+    assert len(fields_of("pkg/msg/A", longest)) == 1
+    with pytest.raises(BadInput, match="has more than 4194304 characters"):
+        fields_of("pkg/msg/A", longest + "z")
+
+
 # Messages
 
 
@@ -160,6 +178,29 @@ def test_a_field_with_a_default_may_be_missing_and_any_other_is_named():
     with pytest.raises(BadInput, match=r"lacks the field reward, which is needed"):
         without = "\n".join(line for line in whole.splitlines() if " reward" not in line)
         MessageCodec[Decision]("fbql_msgs/msg/FusionDecision", without)
+
+
+def test_a_field_that_an_older_recording_lacks_has_its_default():
+    whole = (MESSAGES / "FusionDecision.msg").read_text() + HEADER
+    older = "\n".join(line for line in whole.splitlines() if " learned_weights" not in line)
+    codec = MessageCodec[Decision]("fbql_msgs/msg/FusionDecision", older)
+    assert codec.missing == {"learned_weights"}
+    decision = Decision(0, 3, 4, "fbql", 1, BEHAVIORS, (5, 6), (0.5, -0.5), (1.0, 0.0), 0, -5.0, True)
+    data = Codec([field.kind for field in fields_of("fbql_msgs/msg/FusionDecision", older)])
+    assert codec.decode(data.encode([0, 0, "field", *decision[1:-1]])) == decision
+    newer = MessageCodec[Decision]("fbql_msgs/msg/FusionDecision", whole)
+    assert newer.missing == frozenset()
+    told = decision._replace(stamp_ns=10**9 - 1, learned_weights=(0.25, 0.75))
+    assert newer.decode(newer.encode(told)) == told
+
+
+def test_a_key_needs_the_whole_head_of_a_message_in_our_frame():
+    data = MessageCodec[WheelCommand]("fbql_msgs/msg/WheelCommand", COMMAND).encode(command_at(3, 4))
+    head = 4 + 40
+    assert key_of(data[:head]) == command_at(3, 4)[:3]
+    assert key_of(data[: head - 1]) is None
+    assert key_of(b"\0\0" + data[2:]) is None
+    assert key_of(data.replace(b"field\0", b"world\0")) is None
 
 
 @given(st.binary(max_size=60))
@@ -244,11 +285,11 @@ def test_a_step_is_no_longer_waited_for_when_as_many_newer_ones_as_the_window_ha
 
 def test_steps_whose_time_only_goes_backward_are_not_collected_without_end():
     join = StepJoin(2)
-    waiting = 0
+    waiting = [0]
     for step in range(5000, 0, -1):
         join.add(0, (step, 0, step), b"a")
-        waiting += 1 - len(list(join.ready()))
-        assert waiting <= 256
+        waiting.append(waiting[-1] + 1 - len(list(join.ready())))
+    assert max(waiting) == 256
 
 
 def test_a_second_message_of_a_kind_is_left_out_and_counted_even_when_it_is_late():
@@ -340,6 +381,18 @@ def test_an_episode_counts_what_happened_in_it():
     assert (episode.index, episode.outcome, episode.steps, episode.recorded_steps) == (4, "goal", 3, 4)
     assert (episode.collisions_begun, episode.collision_steps, episode.return_) == (1, 2, 5.0)
     assert (episode.phase, episode.degraded) == ("learning", True)
+    assert (episode.begin_ns, episode.end_ns) == (4 * 10**9, 4 * 10**9 + 3 * 10**7)
+
+
+def test_an_episode_without_a_reward_or_a_contact_has_none_of_either():
+    (episode,) = episodes_of([step_at(0, 0), step_at(0, 2, terminated=True, own_goal=True)])
+    assert (episode.collisions_begun, episode.collision_steps, episode.return_, episode.degraded) == (0, 0, 0.0, False)
+    assert (episode.outcome, episode.seed) == ("own_goal", None)
+
+
+def test_an_episode_that_is_restarted_or_whose_step_comes_again_begins_anew():
+    steps = [step_at(0, 0), step_at(0, 0), step_at(0, 1), step_at(0, 2)._replace(begins_again=True)]
+    assert [(e.first_step, e.recorded_steps, e.steps) for e in episodes_of(steps)] == [(0, 1, 0), (1, 2, 1), (3, 1, 2)]
 
 
 def test_episodes_end_with_the_next_ones_beginning():

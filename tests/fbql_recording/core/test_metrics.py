@@ -6,7 +6,7 @@ import hashlib
 import struct
 
 from fbql_common.core.types import Phase, World
-from fbql_recording.core.metrics import Digest, EpisodeRecord, step_bytes, summarise
+from fbql_recording.core.metrics import Digest, EpisodeRecord, step_bytes, summarise, summarise_task
 
 
 def episode(phase: Phase, outcome: str, steps: int, begun: int = 0, contact: int = 0) -> EpisodeRecord:
@@ -41,6 +41,40 @@ def test_guided_episodes_count_towards_nothing_but_the_steps():
         "messages_recorded": 3,
         "incomplete": True,
     }
+
+
+def test_in_another_task_every_word_but_success_and_timeout_is_a_failure():
+    records = [
+        episode(Phase.GUIDED, "success", 1000, 9, 90),
+        episode(Phase.LEARNING, "success", 100, 1, 5),
+        episode(Phase.EVALUATION, "success", 200, 2, 7),
+        episode(Phase.LEARNING, "fell", 30),
+        episode(Phase.LEARNING, "collision", 20, 1),
+        episode(Phase.LEARNING, "timeout", 400),
+    ]
+    found = summarise_task("fbql", 7, records, 2500, "ab", 2.0, 3, True)
+    assert found._asdict() == {
+        "controller": "fbql",
+        "seed": 7,
+        "episodes": 5,
+        "successes": 2,
+        "failures": 2,
+        "timeouts": 1,
+        "success_rate": 0.4,
+        "cost_per_success": 375.0,
+        "mean_steps_per_success": 150.0,
+        "collisions_begun": 4,
+        "collision_steps": 12,
+        "steps": 2500,
+        "wall_s": 2.0,
+        "steps_per_s": 1250.0,
+        "digest": "ab",
+        "messages_recorded": 3,
+        "incomplete": True,
+    }
+    unknown = summarise_task("fbql", 7, [], 0, "ab")
+    assert (unknown.success_rate, unknown.cost_per_success, unknown.mean_steps_per_success) == (None, None, None)
+    assert (unknown.steps_per_s, unknown.messages_recorded, unknown.incomplete) == (None, 0, False)
 
 
 def test_what_has_nothing_to_divide_by_is_none():

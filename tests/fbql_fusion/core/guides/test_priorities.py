@@ -42,6 +42,12 @@ def test_a_source_with_a_condition_is_taken_only_while_it_holds(front_m: float |
     assert guide.driver(moment((9.0,), front), [LEAVES.answer((0.1, 0.0))] * 3) == driver
 
 
+@pytest.mark.parametrize(("front_m", "driver"), [(0.29, 0), (0.3, 1), (0.5, 1), (0.51, 0)])
+def test_a_condition_holds_at_both_of_its_ends(front_m: float, driver: int) -> None:
+    guide = Priorities((1, 2), (None, Within(0, 0, 0.3, 0.5)))
+    assert guide.driver(moment((front_m,)), [LEAVES.answer((0.1, 0.0))] * 2) == driver
+
+
 def test_where_no_condition_holds_the_lowest_that_may_drive_drives() -> None:
     guide = Priorities((2, 1), (Within(0, 0, low=5.0), Within(0, 0, low=6.0)))
     both, only_first = [LEAVES.answer((0.1, 0.0))] * 2, [LEAVES.answer((0.1, 0.0)), LEAVES.answer(None)]

@@ -19,6 +19,7 @@ from fbql_fusion.core.learners.features import (
     situation_keys,
     tile_keys,
 )
+from fbql_fusion.core.learners.parameters import FeatureParameters
 from fbql_fusion.core.learners.tilings import Tilings, critic_tilings
 from fbql_fusion.core.tasks.soccer.critic import WIDTHS
 from hypothesis import given
@@ -218,6 +219,41 @@ def test_known_features_are_the_active_ones_that_were_met(given_: Situation) -> 
     assert features.known(given_) == []
     assert len(features) == 0
     assert features.known(given_) == [] != features.row(given_) == features.known(given_)
+
+
+def test_a_component_of_zeros_is_on_neither_side_and_a_zero_is_not_turned() -> None:
+    def scales(*rows: tuple[float, float]) -> Scales:
+        return Scales.of([situation((0,), list(row), (2,)) for row in rows], mirror=True)
+
+    assert scales(*[(1.0, -1.0)] * 5, *[(1.0, 0.0)] * 5).signed.tolist() == [False, False]
+    assert scales(*[(1.0, 1.0)] * 5, *[(1.0, 0.0)] * 5).signed.tolist() == [False, False]
+    seen = scales(*[(1.0, 1.0)] * 5, *[(-1.0, -1.0)] * 5, (7.0, 0.0))
+    assert seen.signed.tolist() == [True, True]
+    assert (seen.knots[0, 0], seen.knots[0, -1]) == (1.0, 7.0)
+
+
+def test_features_have_the_keys_by_which_stored_policies_know_them() -> None:
+    knots = np.tile(np.arange(17.0), (3, 1))
+    offsets = np.array([[0.0, 0.25, 0.5], [0.5, 0.0, 0.75]])
+    critic = critic_tilings([(0.5, 0.0), (0.25, 1.0)], 2)
+    scales = Scales(knots, np.zeros(3, dtype=np.bool_), (2, 1))
+    features = Features(scales, Resolution(True, 1, 4, 1, 2, 2, False), offsets, critic, has_guide=True)
+    row = features.row(Situation((3, 7), ((1.0, 9.0), (15.0,)), (0.3, -0.6), None, 1))
+    leaf = 1_000_003  # between the leaves 0 of two behaviors
+    assert features.keys[row].tolist() == [
+        -3, -leaf - 3, -2 * leaf - 7, -2 * leaf * leaf + 3 * leaf + 7,
+        4055268194245554566, 4119232222577285619,
+        993030498011093029, 1630884211869812962, 662038778959673298, 1198170743839357126,
+    ]  # fmt: skip
+    assert features.keys.tolist()[:2] == [-1, -2], "no driver of the guide, and its first one"
+
+
+def test_features_resolve_as_the_parameters_do_unless_told() -> None:
+    given_ = FeatureParameters()
+    assert Resolution() == Resolution(
+        given_.fbql_leaf_pairs, given_.fbql_pair_tilings, given_.fbql_pair_tiles, given_.fbql_joint_tilings,
+        given_.fbql_joint_tiles, 0, given_.fbql_mirror,
+    )  # fmt: skip
 
 
 # What is missing

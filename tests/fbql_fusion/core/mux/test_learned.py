@@ -11,6 +11,7 @@ import mux_oracle
 import numpy as np
 import pytest
 import yaml
+from fbql_common.core.command_space import Axis, CommandSpace
 from fbql_common.core.errors import BadInput
 from fbql_common.core.mux_types import RobotOutcome
 from fbql_common.core.twist import Twist
@@ -471,6 +472,15 @@ def test_rewards_are_learned_from_where_those_who_told_outcomes_have_gone() -> N
     assert in_short(played(mux, 1, 7 * PERIOD_NS, told=0))[0] == (2, 3, True, True), "the rewards have gone, too"
 
 
+@pytest.mark.parametrize(("looks", "is_missed"), [(1, False), (2, True)])
+def test_who_was_there_at_two_looks_in_a_row_is_missed(looks: int, is_missed: bool) -> None:
+    mux = two()
+    for publishers in [1, 0, *[1] * looks]:
+        assert not mux.look(publishers, 0)
+    assert mux.look(0, 0) == is_missed
+    assert mux.is_lost == is_missed
+
+
 def test_one_who_tells_an_outcome_and_goes_is_not_missed() -> None:
     mux = two(controller="fbql", segment_s=0.2, hold_s=0.0)
     played(mux, 1, 0, told=0)
@@ -545,6 +555,18 @@ def test_observations_of_a_group_are_learned_together_in_the_order_in_which_grou
 # Parameters
 
 
+def test_without_axes_the_robot_is_a_differential_drive() -> None:
+    assert described(topics(a=(0.5, 10))).robot.space == CommandSpace(
+        (Axis("linear.x", "m/s", -1.0, 1.0, 5), Axis("angular.z", "rad/s", -2.0, 2.0, 5))
+    )
+
+
+def test_a_condition_may_allow_a_single_value() -> None:
+    source = topics(b=(0.5, 1))["b"] | {"guide_observation": "goal", "guide_low": 0.5, "guide_high": 0.5}
+    mux = made(described(topics(a=(0.5, 10)) | {"b": source}, controller="priorities"))
+    assert mux.session.behaviors == ("a", "b")
+
+
 def test_a_description_is_made_again_of_its_values() -> None:
     description = described(topics(a=(0.5, 10)), axes={"linear_x": {"low": -0.2, "high": 0.8, "levels": 7}}, seed=4)
     assert description_of(description.values(), "again") == description
@@ -568,6 +590,8 @@ def test_the_example_of_the_page_can_be_learned() -> None:
         ({"behaviors": ["c"]}, "'behaviors' has 'c', which is not one of the sources (a, joystick)"),
         ({"behaviors": ["joystick"]}, "'joystick', whose priority is 100; it must be above 0 and below safety_priority"),
         ({"behaviors": ["a", "a"]}, "'behaviors' names 'a' twice"),
+        ({"sources": topics(a=(0.5, 0), joystick=(0.5, 100))}, "there is no source below safety_priority"),
+        ({"behaviors": ["idle"], "sources": topics(idle=(0.5, 0), a=(0.5, 1))}, "'idle', whose priority is 0; it must be above 0"),
         ({"safety_priority": 10}, "there is no source below safety_priority, so there is nothing to decide"),
         ({"axes": {"linear_w": {"low": 0.0, "high": 1.0}}}, "'axes.linear_w': not an axis of a Twist"),
         ({"axes": {"linear_x": {"low": 1.0, "high": 1.0}}}, "'axes.linear_x.low' is 1, not below 'high' (1)"),

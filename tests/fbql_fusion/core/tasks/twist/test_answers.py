@@ -24,6 +24,15 @@ def test_the_leaf_of_a_command_is_its_nearest_level_on_each_axis(
     assert LEAVES.leaf(command) == 3 * level + turn
 
 
+def test_leaves_of_other_axes_have_another_hash() -> None:
+    hashes = {
+        SourceLeaves(CommandSpace((axis,))).hash
+        for axis in (Axis("linear.x", "m/s", -1.0, 1.0, 5), Axis("linear.x", "m/s", -1.0, 1.0, 6))
+    }
+    assert len(hashes) == 2
+    assert LEAVES.answer((0.5, 0.0)).tree_hash == LEAVES.answer(None).tree_hash == LEAVES.hash
+
+
 def test_a_source_that_may_not_drive_has_a_leaf_of_its_own() -> None:
     assert LEAVES.count == 16
     for answer in (LEAVES.answer(None), LEAVES.answer((0.5, 0.0), active=False)):

@@ -98,6 +98,11 @@ def test_without_masks_a_policy_has_none() -> None:
     assert "waiting_mask" not in policy_of(session).arrays
 
 
+def test_a_moment_of_which_nothing_more_is_told_has_no_reward_and_no_end() -> None:
+    moment = MuxMoment(0, 0, 0, ())
+    assert (moment.reward, moment.ended, moment.outcome, moment.critic_inputs) == (0.0, False, "", ())
+
+
 def step(session: MuxSession, number: int, active: tuple[bool, bool], reward: float = 0.0, **ends: Any) -> Any:
     """A moment of the first episode."""
     moment = MuxMoment(number, 0, number, ((0.1,), (1.0,)), reward, **ends)
@@ -264,6 +269,7 @@ def test_only_a_terminated_success_is_a_success(ends: dict[str, Any], outcome: s
     assert step(session, 1, (True, True), 3.5, **ends).reward == 3.5
     (record,) = session.records
     assert (record.outcome, record.return_, record.steps) == (outcome, 3.5, 1)
+    assert (record.collision_steps, record.degraded) == (0, False), "contacts are not told"
     summary = session.summary()
     found = summary.successes, summary.failures, summary.timeouts, summary.collisions_begun
     assert found == counts

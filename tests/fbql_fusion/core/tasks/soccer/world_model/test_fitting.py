@@ -159,7 +159,9 @@ def test_a_body_is_free_up_to_three_times_the_error_far_away(error: float, expec
 
 
 @pytest.mark.parametrize(("odd", "expected"), [(1, 0.5), (6, 0.0)])
-def test_one_large_error_of_a_thousand_far_away_does_not_count_and_with_six_such_errors_are_usual(odd: int, expected: float) -> None:
+def test_one_large_error_of_a_thousand_far_away_does_not_count_and_with_six_such_errors_are_usual(
+    odd: int, expected: float
+) -> None:
     distance = np.linspace(0.0, 1.0, 2001)
     missed = np.where(distance < 0.5, 9.0, 1.0)
     missed[(distance > 0.9) & (distance <= 0.9 + odd / 2000)] = 9.0

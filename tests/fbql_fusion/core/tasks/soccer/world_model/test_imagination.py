@@ -253,7 +253,9 @@ def test_the_wheels_of_each_episode_have_gains_of_their_own_around_1(monkeypatch
         return play_episodes(*arguments)
 
     monkeypatch.setattr(imagination, "play_episodes", watched)
-    played(AWAY, MODEL._replace(gain_deviation=0.05), episodes=400, parameters=replace(SAME_PLACE, imagined_max_steps=1))
+    played(
+        AWAY, MODEL._replace(gain_deviation=0.05), episodes=400, parameters=replace(SAME_PLACE, imagined_max_steps=1)
+    )
     (gains,) = seen
     assert gains.shape == (400, 2)
     assert gains.mean(axis=0) == pytest.approx([1.0, 1.0], abs=0.01)

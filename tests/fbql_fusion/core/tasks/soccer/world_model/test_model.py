@@ -189,7 +189,9 @@ def test_known_sizes_move_the_robot_off_a_wall_and_the_ball_off_another() -> Non
     yaw = 0.4
     moved = apart((0.2, HALF_WIDTH - 0.01, yaw, 0.1, 0.2, 0.5, 0.01 - HALF_WIDTH, 0.3, 0.4))
     corner_m = ROBOT_SIDE_M / 2 * (cos(yaw) + sin(yaw))
-    assert moved == pytest.approx((0.2, HALF_WIDTH - corner_m, yaw, 0.1, 0.2, 0.5, BALL_RADIUS_M - HALF_WIDTH, 0.3, 0.4))
+    assert moved == pytest.approx(
+        (0.2, HALF_WIDTH - corner_m, yaw, 0.1, 0.2, 0.5, BALL_RADIUS_M - HALF_WIDTH, 0.3, 0.4)
+    )
 
 
 def test_the_model_of_the_whole_state_is_told_state_direction_and_command() -> None:
@@ -266,7 +268,9 @@ def test_the_robots_forest_is_told_the_distance_and_the_bearing_that_the_wall_wo
     state = (0.0, HALF_WIDTH - 0.2, yaw, 0.3, 0.4, 0.5, 0.0, 0.0, 0.0)
     free = next_state(model, state, 0.3, 0.37, np.zeros(SCRATCH), np.random.default_rng(0))[0]
     bearing = pi / 2 - free[2]
-    assert recorded(model, "robot_wall", state)[4:7] == pytest.approx([HALF_WIDTH - free[1], cos(bearing), sin(bearing)])
+    assert recorded(model, "robot_wall", state)[4:7] == pytest.approx(
+        [HALF_WIDTH - free[1], cos(bearing), sin(bearing)]
+    )
 
 
 @pytest.mark.parametrize(("side_x", "side_y"), [(1.0, 1.0), (-1.0, 1.0)])
