@@ -139,6 +139,43 @@ def test_no_leaf_is_narrower_than_the_smallest_range() -> None:
             assert high - low >= (feature.high - feature.low) / 4 * (1 - 1e-12)
 
 
+@pytest.mark.parametrize("method", ["rl", "dp"])
+def test_a_split_that_is_worth_nothing_is_not_made(method: str) -> None:
+    """Both halves hold what the whole does, and can't be split again."""
+    patterns = patterns_of_rows([(0.5, 0.5, 0), (0.5, 0.5, 1), (2.0, 0.5, 0), (2.0, 0.5, 1)])
+    parameters = InductionParameters(method=method, split_cost=0.0, min_range=1 / 2)
+    found = induce("ball_seeking", patterns, parameters, 0)
+    assert (found.tree.leaf_count, found.value) == (1, 0.0)
+
+
+@pytest.mark.parametrize(("excess", "as_range"), [(0.5e-9, 1 / 8), (0.8e-9, 1 / 4)])
+def test_a_smallest_range_is_a_power_of_two_where_it_misses_it_by_a_rounding(excess: float, as_range: float) -> None:
+    parameters = replace(DP, split_cost=0.0, min_range=(1 + excess) / 8)
+    trees = [
+        induce("ball_seeking", scattered(200), each, 0).tree
+        for each in (parameters, replace(parameters, min_range=as_range))
+    ]
+    assert trees[0].nodes == trees[1].nodes
+
+
+def test_without_optimism_and_chance_no_split_is_ever_tried() -> None:
+    parameters = InductionParameters(optimism=0.0, epsilon_start=0.0, trials=3, min_range=1 / 8)
+    learned = learn(find_boxes(scattered(60), (3, 3)), parameters, np.random.default_rng(0))
+    assert learned.curve == [0.0] * 3
+    assert set(learned.split) == {-1}
+
+
+def test_a_trial_draws_once_for_each_box_that_offers_a_split() -> None:
+    """Here the root alone, which a trial of chance splits for a draw in the upper half; each time it learns a half more."""
+    boxes = find_boxes(patterns_of_rows([(0.5, 0.5, 0), (2.0, 0.5, 1)]), (1, 0))
+    parameters = InductionParameters(
+        optimism=0.0, epsilon_start=1.0, epsilon_end=1.0, learning_rate=0.5, trials=40, split_cost=0.0
+    )
+    learned = learn(boxes, parameters, np.random.default_rng(5))
+    splits = np.cumsum(np.random.default_rng(5).random(40) >= 0.5)
+    assert learned.curve == pytest.approx((np.log(2.0) * (1.0 - 0.5**splits)).tolist())
+
+
 def test_every_leaf_holds_as_many_patterns_as_a_half_has_to() -> None:
     patterns = scattered(200)
     leaves = {}

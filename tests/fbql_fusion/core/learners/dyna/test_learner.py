@@ -52,6 +52,7 @@ def test_it_imagines_after_the_guided_episodes_and_after_every_few_real_ones_a_b
     first, later = (1, [60, 60, 60, 60]), [60, 30]
     assert seen[:GUIDED] == [(0, [])] * GUIDED
     assert seen[GUIDED:] == [first, *[(1, [])] * 4, (2, later), *[(2, [])] * 4, (3, later)]
+    assert arrays_of(session)["counts"].tolist() == [11, 4 + 2 + 2], "real episodes, and an update for each batch"
 
 
 def test_nothing_is_imagined_while_an_episode_is_played() -> None:

@@ -68,6 +68,12 @@ def test_the_weights_of_many_decisions_are_those_of_each(n: int, features: int, 
         assert weights == pytest.approx(eq.softmax(row_sum(theta, row), mask), abs=1e-14)
 
 
+def test_preferences_of_any_size_have_weights() -> None:
+    theta = np.array([[1e4, -1e4], [-1e4, -1e4]])
+    both = np.ones((2, 2), dtype=np.bool_)
+    assert eq.weights_of(theta, np.array([[0], [1]]), both).tolist() == [[1.0, 0.0], [0.5, 0.5]]
+
+
 # Eqs. 12 and 13
 
 
