@@ -158,7 +158,7 @@ def _export(arguments: argparse.Namespace) -> int:
     if arguments.out is None:
         print_result(text.removesuffix("\n"))
     else:
-        with writing(arguments.out):
+        with writing(arguments.out), output_directory(arguments.out.parent):
             write_atomically(arguments.out, text.encode())
         say(f"{arguments.out}: {len(text)} characters")
     return DONE
@@ -176,7 +176,7 @@ def _import(arguments: argparse.Namespace) -> int:
         tree = from_arrays(arrays, arguments.behavior, features, {"method": "imported"})
     except BadInput as error:
         raise BadInput(f"{arguments.file}: {error}") from None
-    with writing(arguments.out):
+    with writing(arguments.out), output_directory(arguments.out.parent):
         save_tree(arguments.out, tree)
     print_result(one_line(f"{arguments.out}: {_summary(tree)}"))
     return DONE
