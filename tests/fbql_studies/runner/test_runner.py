@@ -10,7 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer
@@ -184,7 +184,7 @@ def test_a_second_run_into_a_directory_is_refused_while_the_first_goes_on(
 @pytest.mark.parametrize(
     ("config", "says"),
     [
-        ({"options": {"seeds": 1, "others": ["wait"]}}, "holds this study with --others ['wait'], not --others [];"),
+        ({"options": {"seeds": 1, "others": ["wait"]}}, "holds this study with --others wait, not no --others;"),
         ({"options": {"seeds": 1, "goals": 5}}, "holds this study with --goals 5, not no --goals;"),
         ({"else": 1}, "holds a config.json that is not a study's;"),
         ({"study": "trees"}, "holds the study trees, not probe;"),
@@ -224,7 +224,7 @@ def test_a_study_that_did_nothing_leaves_its_directory_to_another(
     assert main(arguments(tmp_path, "--scheduler", "nonsense://x")) == 2
     assert main(arguments(tmp_path, "--seeds", "0", "--others", "raise")) == 1, "a task ended, if badly"
     assert main(arguments(tmp_path, "--seeds", "1")) == 2
-    assert "holds this study with --others ['raise'], not --others []" in capsys.readouterr().err
+    assert "holds this study with --others raise, not no --others;" in capsys.readouterr().err
     assert [path.name for path in (tmp_path / "out" / "tasks").iterdir()] == ["raise.failed"]
 
 
@@ -421,9 +421,15 @@ def test_every_column_of_a_study_says_what_it_is(name: str) -> None:
 
 
 @contextmanager
-def cluster(place: Path, workers: int = 2) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """The address of a Dask scheduler, and the processes: its own and those of the workers."""
-    path = os.pathsep.join(entry for entry in sys.path if entry)
+def cluster(
+    place: Path, workers: int = 2, first: Sequence[str] = ()
+) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """The address of a Dask scheduler, and the processes: its own and those of the workers.
+
+    Args:
+        first: directories that they import from before all others.
+    """
+    path = os.pathsep.join([*first, *(entry for entry in sys.path if entry)])
     file = str(place / "scheduler.json")
     commands = [
         ["scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", file],
@@ -487,6 +493,20 @@ def test_a_cluster_without_workers_is_reported_in_one_line_within_seconds(tmp_pa
     assert f"--scheduler {address}: it has no workers; waiting until one connects" in said
     assert "--jobs has no effect with --scheduler" in said
     assert "Traceback" not in said
+
+
+def test_a_cluster_without_this_project_is_refused_in_one_line_and_no_task_counts_as_failed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("distributed", reason="Dask is in requirements/study.txt")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "fbql_studies.py").write_text("raise ModuleNotFoundError(\"No module named 'fbql_studies'\")\n")
+    with cluster(tmp_path, workers=0, first=[str(elsewhere)]) as (address, _):
+        assert main(arguments(tmp_path, "--seeds", "1", "--scheduler", address)) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert f"--scheduler {address}: it, or a worker, cannot import this project" in said[-1]
+    assert list((tmp_path / "out" / "tasks").iterdir()) == []
 
 
 def test_there_are_as_many_workers_as_cores_that_may_be_used() -> None:

@@ -179,11 +179,18 @@ def _difference(found: Any, asked: dict[str, Any]) -> str:
             for name in (*others, *sorted(own))
             if name not in own.keys() & others.keys() or own[name] != others[name]
         )
-        option = f"--{name.replace('_', '-')}"
-        kept, wanted = (f"{option} {each[name]}" if name in each else f"no {option}" for each in (own, others))
-        return f"this study with {kept}, not {wanted}"
+        return f"this study with {_option(name, own)}, not {_option(name, others)}"
     except (KeyError, TypeError, AttributeError, StopIteration):
         return "a config.json that is not a study's"
+
+
+def _option(name: str, options: dict[str, Any]) -> str:
+    """An option as it is typed, or that it was not given."""
+    value = options.get(name)
+    option = f"--{name.replace('_', '-')}"
+    if value is None or value == []:
+        return f"no {option}"
+    return f"{option} {' '.join(map(str, value)) if isinstance(value, list) else value}"
 
 
 def write_result(directory: Path | str, key: str, result: Result) -> None:

@@ -33,6 +33,8 @@ _POLL_S = 0.2
 _CONNECT_S = 10
 _WITHOUT_WORKERS_S = 2.0
 """Time after which a cluster without workers is reported."""
+_LACKING = ("Error during deserialization", "No module named 'fbql")
+"""What Dask says of a scheduler, and Python of a worker, that cannot import this project."""
 _PR_SET_PDEATHSIG = 1
 _DISK_FAILED = 64
 """Exit code of a worker that could not write its result, plus the index of the reason in DISK_FAILURES."""
@@ -147,7 +149,7 @@ def run_on_cluster(
     """Runs the tasks on a Dask cluster, whose workers must have this project's environment; yields each as it ends.
 
     Raises:
-        BadInput: Dask is not installed, or the scheduler does not answer.
+        BadInput: Dask is not installed, the scheduler does not answer or ended, or the cluster lacks this project.
     """
     try:
         from distributed import CancelledError, Client, Future, wait  # an optional extra
@@ -191,6 +193,11 @@ def run_on_cluster(
                 key = waiting.pop(future).key
                 write_result(store.directory, key, result)
                 yield TaskEnd(key, "", seconds, workers)
+            if any(words in reason for reason in failed.values() for words in _LACKING):
+                raise BadInput(
+                    f"--scheduler {scheduler}: it, or a worker, cannot import this project, or has another revision of it; "
+                    "docs/studies.md describes what each machine needs"
+                )
             for future, reason in failed.items():
                 key = waiting.pop(future).key
                 write_failure(store.directory, key, reason)
