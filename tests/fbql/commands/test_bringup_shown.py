@@ -189,7 +189,16 @@ def test_a_match_in_real_time_tells_how_many_ticks_it_missed() -> None:
     assert "  missed" not in summary_text(SUMMARY, Path("/run"), 1 / 60)
     slow = summary_text({**SUMMARY, "missed_ticks": 408}, Path("/run"), 1 / 60)
     assert "  missed            408  ticks of real time: the machine was too slow" in slow
-    assert "  missed              0  ticks: every" in summary_text({**SUMMARY, "missed_ticks": 0}, Path("/run"), 1 / 60)
+    kept = summary_text({**SUMMARY, "missed_ticks": 0}, Path("/run"), 1 / 60)
+    assert "  missed              0  ticks: the simulator kept real time" in kept
+    assert "unseen" not in kept
+    unknown = summary_text({**SUMMARY, "missed_ticks": None}, Path("/run"), 1 / 60)
+    assert "  missed            n/a  ticks: the simulator's count did not arrive" in unknown
+
+
+def test_a_match_tells_how_many_steps_fusion_did_not_see() -> None:
+    unseen = summary_text({**SUMMARY, "missed_ticks": 0, "steps_unseen": 81}, Path("/run"), 1 / 60)
+    assert "  unseen             81  of these steps never reached fusion" in unseen
 
 
 def test_what_to_type_next_names_the_domain_of_the_graph(tmp_path: Path) -> None:

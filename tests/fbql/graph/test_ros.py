@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import random
 import signal
 from collections.abc import Callable, Iterator
@@ -82,11 +83,29 @@ def test_in_real_time_a_second_takes_a_second_and_ros_tools_see_everything(
 
 def test_an_overload_is_reported_in_the_result_and_in_the_summary(start: Start) -> None:
     """6000 steps a second are asked for: an overload of any machine (fault 31)."""
-    run = start("--processes", "one", "--realtime", "100", "--episodes", "1", "--max-steps", "600", "--seed", "3")
+    run = start("--processes", "one", "--realtime", "100", "--episodes", "5", "--max-steps", "600", "--seed", "3")
     assert run.exit_code() == 0, run.stderr
     missed = summary_of(run.out)["missed_ticks"]
     assert missed > 0
     assert f"{missed}  ticks of real time: the machine was too slow" in run.stdout
+
+
+def test_steps_that_fusion_did_not_see_are_reported_in_the_result_and_are_not_in_the_recording(start: Start) -> None:
+    match = ("--controller", "subsumption", "--realtime", "4", "--episodes", "60", "--max-steps", "120", "--seed", "3")
+    run = start(*match)
+    run.until_playing()
+    fusion = run.nodes()["fusion"]
+    os.kill(fusion, signal.SIGSTOP)
+    again_s = monotonic() + 2.0  # the world meanwhile goes on to the end of its episode
+    run.until(lambda: monotonic() > again_s, "fusion has stood still for a while")
+    os.kill(fusion, signal.SIGCONT)
+    assert run.exit_code() == 0, run.stderr
+    summary = summary_of(run.out)
+    unseen = summary["steps_unseen"]
+    assert unseen > 0
+    assert f"{unseen}  of these steps never reached fusion" in run.stdout
+    decided = sum(message.topic == "/fusion/decision" for message in messages_of(run.out))
+    assert decided == summary["steps"] + summary["episodes"] - unseen, "each episode also has a world of step 0"
 
 
 def garbage(kind: type[Any], chance: random.Random) -> bytes:

@@ -412,6 +412,19 @@ def test_from_a_missing_answer_on_nothing_of_the_episode_is_learned():
     assert (2, 1, 1) in learned(session)
 
 
+def test_steps_that_others_played_are_counted_and_nothing_of_the_episode_is_learned_from_then_on():
+    session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0))
+    session.next_episode()
+    decided = [session.decide(world_state(0, step), answers(step, 0, 0))[1] for step in (2, 3, 7)]
+    assert (session.unseen, session.steps) == (2 + 3, 7)
+    assert all(decision.degraded for decision in decided)
+    session.decide(world_state(0, 8, **GOAL), answers(8, 0, 0))
+    play(session, steps=3, outputs=lambda step: answers(step, 1, 1))
+    assert session.unseen == 5
+    assert {row[0] for row in learned(session)} == {0, 1, 2}
+    assert all(row[1:] == (1, 1) for row in learned(session))
+
+
 def test_an_episode_begun_again_keeps_its_number_and_seed_and_is_degraded():
     session = SoccerSession(FusionParameters(controller="fbql_literal", guided=0))
     begun = session.next_episode()

@@ -90,7 +90,9 @@ class SessionRecorder:
                 attachments.append(Attachment(EPISODES, _CSV, (self.path / EPISODES).read_bytes()))
             self._recorder.close(attachments)
             messages = self._recorder.messages
-        self._directory.write_summary(self._session.summary(wall_s, messages, self.incomplete))
+        unseen = self._session.unseen
+        more = {"steps_unseen": unseen} if unseen else {}
+        self._directory.write_summary(self._session.summary(wall_s, messages, self.incomplete), more)
         self._directory.close()
 
     @property

@@ -20,6 +20,7 @@ import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from fbql_common.checkout import source_tree
@@ -168,9 +169,13 @@ class RunDirectory:
 
         return self._guarded("policy.npz", write)
 
-    def write_summary(self, summary: Summary | TaskSummary) -> None:
-        """Writes summary.json, completely or not at all; `incomplete` is set if any write failed before."""
-        values = summary._asdict()
+    def write_summary(self, summary: Summary | TaskSummary, more: Mapping[str, int] = MappingProxyType({})) -> None:
+        """Writes summary.json, completely or not at all; `incomplete` is set if any write failed before.
+
+        Args:
+            more: what only some runs have to say.
+        """
+        values = {**summary._asdict(), **more}
         values["incomplete"] = summary.incomplete or self.failed
         data = (json.dumps(values, indent=2, allow_nan=False) + "\n").encode()
         self._room.unlink(missing_ok=True)

@@ -171,7 +171,7 @@ def _report(
     elif shortfall and code != FAILED:
         line.complain(f"the match ended after {shortfall}, and nothing says why; see {run / 'log'}")
         code = code or FAILED
-    if supervision.missed_ticks is not None:
+    if supervision.is_in_real_time:
         summary["missed_ticks"] = supervision.missed_ticks
         code = _complete_summary(path, summary, line) or code
     text = summary_text(summary, run, match.simulation.dt_s, policy_summary(match), asked)

@@ -70,8 +70,8 @@ class Observer(CommandNode):
     def __init__(self, domain_id: int) -> None:
         super().__init__("bringup", domain_id)
         self.status: dict[str, str] = {}
-        self.missed_ticks = 0
-        """Steps that the simulator could not do in time, so far."""
+        self.missed_ticks: int | None = None
+        """Steps that the simulator could not do in time, so far; None: it has not been heard."""
         self.node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, POSE_QOS)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:

@@ -124,7 +124,12 @@ class Supervision:
         self._started: list[NodeProcess] = []
         self._out = Path()
         self.missed_ticks: int | None = None
-        """Real time: steps that could not be done in time; None in lockstep."""
+        """Real time: steps that could not be done in time; None in lockstep, or where the simulator was not heard."""
+
+    @property
+    def is_in_real_time(self) -> bool:
+        """Whether the simulator steps on a clock, and so can miss ticks."""
+        return self._mode.realtime > 0
 
     def run(self, match: Match) -> int:
         """Plays the match in its run directory; every process has ended when this returns or raises.
@@ -258,10 +263,10 @@ class Supervision:
             self._look(observer, _LOOK_S)
             if observer.status and not (self._view and self._view.takes_terminal):
                 self._line.show(partial(status_line, observer.status))
-            if self._mode.realtime > 0:
+            if self.is_in_real_time:
                 self.missed_ticks = observer.missed_ticks
             if fusion.exit_code in (DONE, INCOMPLETE):
-                if self._mode.realtime > 0:
+                if self.is_in_real_time:
                     observer.look(_LAST_COUNT_S)
                     self.missed_ticks = observer.missed_ticks
                 if self._view is not None and self._view.is_on:

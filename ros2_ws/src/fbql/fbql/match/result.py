@@ -117,17 +117,19 @@ def _guided(episodes: Path) -> list[tuple[str, Any, str]]:
 
 
 def _missed(summary: Mapping[str, Any]) -> list[tuple[str, Any, str]]:
-    """The row of the steps that were not done in time, of a match in real time."""
-    missed = summary.get("missed_ticks")
-    if missed is None:
-        return []
-    return [
-        (
-            "missed",
-            missed,
-            "ticks of real time: the machine was too slow" if missed else "ticks: every step was in time",
+    """The rows of the steps that the simulator did not do in time, or fusion did not see, of a match in real time."""
+    missed, unseen = summary.get("missed_ticks"), summary.get("steps_unseen")
+    rows: list[tuple[str, Any, str]] = []
+    if "missed_ticks" in summary and missed is None:
+        rows.append(("missed", "n/a", "ticks: the simulator's count did not arrive"))
+    elif missed is not None:
+        in_words = "ticks of real time: the machine was too slow" if missed else "ticks: the simulator kept real time"
+        rows.append(("missed", missed, in_words))
+    if unseen:
+        rows.append(
+            ("unseen", unseen, "of these steps never reached fusion: they were driven without it, and are not recorded")
         )
-    ]
+    return rows
 
 
 def _rows(episodes: Path) -> list[dict[str, str]]:

@@ -93,6 +93,8 @@ class Session[M: Moment, C, R]:
         self.behaviors = tuple(parameters.behaviors)
         self.records: list[R] = []
         self.rejections = Rejections()
+        self.unseen = 0
+        """Steps of the episodes so far whose moments never came: others played them."""
         self._task = task
         self._space = task.space
         self._standstill = task.space.standstill
@@ -244,7 +246,10 @@ class Session[M: Moment, C, R]:
         reward = task.reward(moment)
         self._return += reward
 
-        if not complete or step != self._step + 1:
+        if step != self._step + 1:
+            self.unseen += step - self._step - 1
+            self._degraded = True
+        elif not complete:
             self._degraded = True
         phase = self.phase
         terminated, truncated = moment.terminated, moment.truncated
