@@ -115,6 +115,12 @@ def test_from_too_few_rows_nothing_is_predicted() -> None:
     assert len(no_forest(2).roots) == 0
 
 
+def test_few_rows_become_a_leaf_each_where_a_leaf_may_hold_one() -> None:
+    x = np.arange(3.0)[:, None]
+    forest = fit_forest(x, x, 3, 1, np.random.default_rng(1))
+    assert [len({leaf_of(forest, tree, row) for row in x}) for tree in range(3)] == [3, 3, 3]
+
+
 def test_as_many_rows_as_two_leaves_need_are_split() -> None:
     x = np.repeat([[0.0], [1.0]], 3, axis=0)
     forest = fit_forest(x, 10.0 * x, 2, 3, np.random.default_rng(1))

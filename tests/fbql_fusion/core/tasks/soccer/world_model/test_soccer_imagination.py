@@ -19,7 +19,12 @@ from fbql_fusion.core.learners.trajectories import Trajectory
 from fbql_fusion.core.parameters import FusionParameters
 from fbql_fusion.core.policy import Policy
 from fbql_fusion.core.soccer_session import SoccerSession, plays_instead
-from fbql_fusion.core.tasks.soccer.world_model.soccer_imagination import PlayingTree, why_not_imagined
+from fbql_fusion.core.tasks.soccer.world_model.imagination import Rewards
+from fbql_fusion.core.tasks.soccer.world_model.soccer_imagination import (
+    PlayingTree,
+    SoccerImagination,
+    why_not_imagined,
+)
 from fbql_fusion.policy_storage import policy_bytes, policy_from_bytes
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
@@ -95,6 +100,13 @@ def test_a_run_continued_from_its_policy_file_plays_and_learns_what_one_without_
     assert one is not None
     assert other is not None
     assert policy_bytes(one) == policy_bytes(other)
+
+
+@pytest.mark.parametrize("trees", [PLAYING, []])
+def test_from_no_real_step_and_without_trees_nothing_is_fitted(trees: list[PlayingTree]) -> None:
+    imagining = SoccerImagination(FEW, Rewards(10.0, -10.0, -0.3), trees)
+    features: Any = None  # it is not looked at
+    assert imagining.fit(features, np.random.default_rng(0)) is False
 
 
 def test_steps_that_can_not_be_are_refused() -> None:
