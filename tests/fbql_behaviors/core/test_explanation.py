@@ -77,6 +77,7 @@ def test_a_sentence_names_exactly_the_features_that_its_region_restricts(tree: T
         (-20, -10, "ball 10-20 degrees to the right"),
         (0, 180, "ball to the left"),
         (-180, 0, "ball to the right"),
+        (-20, 0.5, "ball between 20 degrees to the right and 0.5 to the left"),
         (135, 180, "ball 135-180 degrees to the left, behind"),
         (-180, -90, "ball 90-180 degrees to the right, behind"),
         (-5, 5, "ball within 5 degrees of straight ahead"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from fbql_common.core.errors import BadInput
-from fbql_common.core.text import as_lines, one_line, quoted
+from fbql_common.core.text import as_lines, encodable, one_line, quoted
 
 FORGED = "x\nall is well\r\x1b[2J\x1b]0;title\x07\u202etxt\u2066\u200b\ud800\x00\x7f\x9b\u2028"
 
@@ -41,3 +41,10 @@ def test_bad_input_is_one_printable_line_of_bounded_length():
 @pytest.mark.parametrize("text", [FORGED, FORGED.encode("utf-8", "replace").decode()])
 def test_an_escaped_text_can_be_encoded(text):
     one_line(text).encode()
+
+
+@pytest.mark.parametrize(
+    ("encoding", "shown"), [("ascii", r"gr\xfcn"), ("utf-8", "grün"), (None, "grün"), ("", "grün")]
+)
+def test_what_an_encoding_lacks_is_escaped_and_an_unknown_one_is_utf_8(encoding: str | None, shown: str) -> None:
+    assert encodable("grün", encoding) == shown

@@ -395,6 +395,20 @@ def test_the_kernel_finds_the_keys_of_ranks_and_tilings(mirror: bool) -> None:
         assert found.tolist() == tilings.keys(at)
 
 
+def test_the_kernel_mirrors_by_the_first_component_where_it_is_the_only_signed_one() -> None:
+    features = made(mirror=True)
+    only_first = np.arange(6) == 0
+    scales = Scales(features.scales.knots, only_first, features.scales.lengths)
+    tilings = features._tilings.beside(critic_tilings(WIDTHS, 3))
+    for each in sensed(np.random.default_rng(3), 50):
+        values = np.array([x for observed in each.observed for x in observed] + [0.0] * 8)
+        values[0] = -abs(values[0])
+        at = [*scales.ranks([values[:2].tolist(), values[2:3].tolist(), values[3:6].tolist()]), *values[6:]]
+        with np.errstate(over="ignore"):
+            found = tile_keys.function(values, scales.knots, scales.signed, scales.decisive, *tilings)
+        assert found.tolist() == tilings.keys(at)
+
+
 def test_keys_of_tables_are_those_of_the_features() -> None:
     for resolution in (DEFAULT, Resolution(leaf_pairs=False), Resolution(pair_tilings=0, joint_tilings=0)):
         features = made(resolution)
