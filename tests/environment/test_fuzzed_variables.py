@@ -16,6 +16,7 @@ from environment.ros2 import find_packages, real_ros2
 from environment.target import split_path, target_for
 from environment.variables import SEARCH_PATHS, build_environment, process_environment, tool_environment
 from fuzzing import dice, odd_variable
+from patience import PATIENCE_S
 from places import ROOT
 from setup_target import made_target, packages
 
@@ -74,7 +75,7 @@ def test_a_shell_gets_the_very_values(tmp_path):
         text = exports({"PATH": "/usr/bin:/bin"}, {"PATH": "/usr/bin:/bin", **values})
         done = subprocess.run(
             ["bash", "-c", 'eval "$1"; env -0', "bash", os.fsencode(text)], env={"PATH": "/usr/bin:/bin"}, capture_output=True,
-            timeout=120, check=False,
+            timeout=PATIENCE_S, check=False,
         )  # fmt: skip
         pairs = (each.partition(b"=") for each in done.stdout.split(b"\0"))
         shown = {os.fsdecode(name): os.fsdecode(value) for name, _, value in pairs}

@@ -14,6 +14,7 @@ import pytest
 from commands import induce, train
 from fbql_behaviors.storage import load_tree
 from fbql_recording.run_directory import EPISODE_COLUMNS
+from patience import PATIENCE_S
 
 SUBSUMPTION = ("--controller", "subsumption", "--episodes", "2", "--max-steps", "500", "--seed", "31")
 SHORT = {"episodes": 2, "max_steps": 120}
@@ -34,7 +35,7 @@ class Blocked:
 sys.meta_path.insert(0, Blocked())
 fbql.play("uniform", episodes=1, max_steps=20), fbql.induce("ball_seeking", patterns=30), fbql.open_run
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stderr
 
 

@@ -18,6 +18,7 @@ from fbql.ros2cli import param
 from fbql.ros2cli.graph import Absent, show
 from fbql.ros2cli.topic import _text as message_text
 from fbql.ros2cli.topic import rate_text
+from patience import PATIENCE_S
 from places import ROOT
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters
@@ -25,7 +26,6 @@ from std_msgs.msg import String
 
 Start = Callable[..., Run]
 LINE = re.compile(r"export (ROS_DOMAIN_ID=\d+) (ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST)")
-PATIENCE_S = 120.0
 
 
 def ros2(place: Path, exported: dict[str, str], *words: str) -> subprocess.CompletedProcess[str]:

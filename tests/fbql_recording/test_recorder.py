@@ -28,6 +28,7 @@ from mcap.records import Chunk, McapRecord, Metadata, Schema
 from mcap.records import Message as MessageRecord
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
+from patience import PATIENCE_S
 from places import ROOT
 from rosbags.rosbag2 import Reader
 from zstandard import ZstdError, decompress
@@ -444,7 +445,7 @@ def test_a_full_file_system_stops_the_recording_and_nothing_else(tmp_path):
         [*namespace, "sh", "-c", command, "sh", str(tmp_path), sys.executable, str(scenario), str(tmp_path)],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -23,6 +23,7 @@ from fbql_recording.run_directory import (
     software_versions,
 )
 from file_limit import largest_file
+from patience import PATIENCE_S
 
 GOAL = EpisodeRecord(0, Phase.GUIDED, 2**63 - 1, "goal", 120, 2, 17, 9.5, False)
 TIMEOUT = EpisodeRecord(1, Phase.EVALUATION, 5, "timeout", 4000, 0, 0, 0.1 + 0.2, True)
@@ -117,7 +118,7 @@ def test_runs_of_one_name_that_begin_at_once_get_a_directory_each(tmp_path):
     together = threading.Barrier(count)
 
     def begin(_):
-        together.wait(timeout=120)
+        together.wait(timeout=PATIENCE_S)
         return create_next_run_directory(tmp_path, "run")
 
     with ThreadPoolExecutor(count) as pool:

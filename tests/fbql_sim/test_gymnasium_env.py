@@ -18,6 +18,7 @@ from fbql_common.core.field import MAX_WHEEL_RAD_S
 from fbql_fusion.core.session import episode_seed
 from fbql_sim.core.scripted_law import law
 from fbql_sim.core.world_loop import WorldLoop
+from patience import PATIENCE_S
 from places import ROOT
 
 gymnasium = pytest.importorskip("gymnasium", reason="an optional extra, which is in requirements/test.txt")
@@ -343,7 +344,7 @@ def test_many_environments_can_be_made_at_once(mode: str) -> None:
 
 def test_without_gymnasium_the_package_works_and_the_environment_says_what_is_missing_in_one_line() -> None:
     done = subprocess.run(
-        [sys.executable, "-c", WITHOUT_GYMNASIUM], capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, "-c", WITHOUT_GYMNASIUM], capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout == (

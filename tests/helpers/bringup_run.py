@@ -19,10 +19,10 @@ from time import monotonic
 
 import pytest
 from measure.command_process import CommandProcess
+from patience import PATIENCE_S
 from places import ROOT
 
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
-PATIENCE_S = 120.0
 END_S = 5.0
 """Within this everything has ended after it was asked to (faults 27 and 28) [s]."""
 HOSTILE = {
@@ -171,7 +171,7 @@ def in_namespace(before: str, after: str = "true") -> list[str]:
     """
     try:
         done = subprocess.run(
-            [*_NAMESPACE, "sh", "-c", before], capture_output=True, text=True, timeout=120, check=False
+            [*_NAMESPACE, "sh", "-c", before], capture_output=True, text=True, timeout=PATIENCE_S, check=False
         )
     except OSError as error:
         pytest.skip(f"no mount namespaces here: {error}")

@@ -12,8 +12,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from patience import PATIENCE_S
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-PATIENCE_S = 120.0
 CODES = {"Enter": 13, "ArrowLeft": 37, "ArrowRight": 39}
 """Of keys that controls of the browser's own look at."""
 

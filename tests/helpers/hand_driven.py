@@ -30,12 +30,12 @@ from fbql_common.wire import (
     encode_world,
 )
 from fbql_msgs.srv import ResetEpisode
+from patience import PATIENCE_S
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-PATIENCE_S = 120.0
 BEHAVIORS = ("ball_seeking", "wall_avoiding", "approaching")
 DECODE = {World: decode_world, BehaviorOutput: decode_output, WheelCommand: decode_command, Decision: decode_decision}
 STEP_NS = 16_666_667

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from patience import PATIENCE_S
 
 PLACE = Path(__file__).with_name("read_with_node")
 
@@ -28,7 +29,7 @@ def read_with_javascript(path: Path) -> dict[str, Any]:
         env=os.environ | {"NODE_PATH": str(MODULES)},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -13,8 +13,7 @@ from time import monotonic
 import pytest
 from ament_index_python.packages import get_package_prefix
 from measure.command_process import take_terminal
-
-PATIENCE_S = 120.0
+from patience import PATIENCE_S
 
 
 class NodeProcess:

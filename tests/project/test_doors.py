@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE_S
 from places import ROOT
 
 DOORS = sorted(
@@ -24,7 +25,7 @@ def test_there_are_doors() -> None:
 @pytest.mark.parametrize("door", DOORS, ids=lambda path: f"{path.parent.name}/{path.name}")
 def test_a_door_opens_and_is_short(door: Path) -> None:
     done = subprocess.run(
-        [sys.executable, str(door), "--help"], capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, str(door), "--help"], capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith(f"usage: {door.name}")

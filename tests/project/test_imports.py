@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import pytest
 import yaml
+from patience import PATIENCE_S
 from places import ROOT
 
 SOURCE = ROOT / "ros2_ws" / "src"
@@ -184,7 +185,7 @@ def assert_loads_without_ros(names: list[str]) -> None:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert done.returncode == 0, done.stderr

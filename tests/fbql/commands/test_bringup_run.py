@@ -16,6 +16,7 @@ import pytest
 import yaml
 from bringup_run import BEHAVIORS, Run
 from fbql_recording.run_directory import EPISODE_COLUMNS
+from patience import PATIENCE_S
 from places import ROOT
 from run_directory_reader import (
     Message,
@@ -191,7 +192,7 @@ def test_the_readers_of_foxglove_read_it_completely(run: Run, summary: dict[str,
         env={**os.environ, "NODE_PATH": str(modules)},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -23,6 +23,7 @@ from fbql_behaviors.core.explanation import rules
 from fbql_behaviors.core.patterns import patterns_from_rows
 from fbql_behaviors.core.quantizer import LEVEL_RAD_S
 from fbql_behaviors.storage import load_tree
+from patience import PATIENCE_S
 
 FEW = ("--patterns", "200")
 
@@ -232,7 +233,7 @@ def test_an_interrupt_ends_the_trials_in_one_line_and_leaves_what_was_there(tmp_
         assert process.stderr is not None
         assert any("warning: " in line for line in process.stderr)
         process.send_signal(signal.SIGINT)
-        rest = process.communicate(timeout=120.0)[1]
+        rest = process.communicate(timeout=PATIENCE_S)[1]
     assert process.returncode == 130
     assert [line for line in rest.splitlines() if "warning: " not in line] == ["fbql induce: interrupted"]
     assert [each.name for each in tmp_path.iterdir()] == ["tree.json"]

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from bringup_run import BEHAVIORS, Run
 from fbql_recording.core.decoding import TYPES, MessageCodec
+from patience import PATIENCE_S
 from rclpy.serialization import deserialize_message
 from run_directory_reader import summary_of
 from visualization_msgs.msg import MarkerArray
@@ -22,7 +23,6 @@ client = pytest.importorskip("websockets.sync.client", reason="it is in requirem
 Start = Callable[..., Run]
 ADDRESS = re.compile(r"ws://127\.0\.0\.1:\d+")
 SUBPROTOCOL = "foxglove.sdk.v1"
-PATIENCE_S = 120.0
 MESSAGE = struct.Struct("<BIQ")
 """opcode, subscription, log time"""
 ONE = ("--processes", "one")

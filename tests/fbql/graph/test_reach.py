@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from bringup_run import Run
+from patience import PATIENCE_S
 from places import ROOT
 
 Start = Callable[..., Run]
@@ -42,7 +43,7 @@ def in_two_hosts(script: str) -> list[str]:
         if shutil.which(tool) is None:
             pytest.skip(f"two machines need the program {tool} (iproute2, util-linux)")
     space = ["unshare", "--user", "--map-root-user", "--net", "--mount", "--pid", "--fork", "--mount-proc", "sh", "-c"]
-    tried = subprocess.run([*space, TWO_HOSTS], capture_output=True, text=True, timeout=120, check=False)
+    tried = subprocess.run([*space, TWO_HOSTS], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     if tried.returncode:
         pytest.skip(f"no network namespaces here: {tried.stderr}")
     return [*space, f'{TWO_HOSTS}\n{script}\nset +e\n"$@"\nexit $?', "sh"]

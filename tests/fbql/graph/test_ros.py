@@ -15,10 +15,11 @@ from typing import Any
 import domain_coordinator
 import pytest
 import rclpy
-from bringup_run import BEHAVIORS, END_S, PATIENCE_S, Run
+from bringup_run import BEHAVIORS, END_S, Run
 from fbql_common.qos import STEP_QOS
 from fbql_msgs.msg import BehaviorOutput, FusionDecision, WheelCommand, WorldState
 from geometry_msgs.msg import PoseStamped
+from patience import PATIENCE_S
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message

@@ -17,10 +17,10 @@ import pytest
 from bringup_run import END_S, HOSTILE, Run, Terminal, in_namespace
 from fbql.demonstrations.replay import verify
 from fbql_behaviors.demonstration_storage import load_demonstrations, load_recordings
+from patience import PATIENCE_S
 
 Start = Callable[..., Run]
 BEHAVIOR = "ball_seeking"
-PATIENCE_S = 120.0
 
 
 class Screen:

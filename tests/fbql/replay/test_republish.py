@@ -26,6 +26,7 @@ from fbql_recording.run import open_run
 from fbql_sim.views import markers_msg, pose_msgs
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
+from patience import PATIENCE_S
 from places import ROOT
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
@@ -33,7 +34,6 @@ from recorded_match import record_match
 from replay_listener import padded_hash, read_hash
 from rewritten_run import rewrite
 
-PATIENCE_S = 120.0
 LISTENER = ROOT / "tests" / "helpers" / "replay_listener.py"
 COMMAND = [sys.executable, "-c", "import sys; from fbql.cli.app import run; sys.exit(run('replay', sys.argv[1:]))"]
 

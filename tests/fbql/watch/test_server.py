@@ -11,10 +11,9 @@ from urllib.parse import urlsplit
 
 import pytest
 from fbql.watch.server import CONNECTION, PageServer
+from patience import PATIENCE_S
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
-
-PATIENCE_S = 120.0
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ from fbql_behaviors.shipped import shipped_trees
 from fbql_behaviors.storage import load_tree
 from fbql_common.core.command_space import Axis, CommandSpace
 from hypothesis import HealthCheck, given, settings
+from patience import PATIENCE_S
 from tree_strategies import NASTY, edge_points, trees
 
 NAMES = ("ball_seeking", "wall_avoiding", "approaching")
@@ -36,7 +37,7 @@ class Compiled:
             [compiler, *STRICT, str(source), "-o", str(library)],
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=PATIENCE_S,
             check=False,
         )
         assert done.returncode == 0, done.stderr

@@ -18,6 +18,7 @@ from fbql_common.core.walls import closest_wall_point
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.scripted_law import law
 from fbql_sim.core.world_loop import WorldLoop
+from patience import PATIENCE_S
 
 DEFAULTS = SimulationParameters()
 
@@ -115,7 +116,7 @@ def test_another_process_plays_the_same_worlds() -> None:
         loop.step(60.0 + k % 7, 60.0)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     other = subprocess.run(
-        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=120, check=True
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=True
     )
     assert other.stdout.strip() == repr(tuple(loop.world))
 

@@ -22,6 +22,7 @@ from commands import experiment as main
 from fbql_studies import experiment
 from fbql_studies.runner.store import COUNTS, Store, write_failure, write_result
 from fbql_studies.runner.study import MEASURED, STUDIES, Parameters, study_of
+from patience import PATIENCE_S
 from places import ROOT
 
 PROBE = ("probe", "probe_study")
@@ -160,7 +161,7 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_go_on(tmp_path: Path) -> None:
     process = launched(tmp_path, "--seeds", "0", "--others", "wait")
     probe_study.wait_for(tmp_path / "waits")
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=120)
+    _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
     assert errors.splitlines()[-1] == "experiment.py: stopped; the same command resumes from here"
     assert not is_running(int((tmp_path / "waits").read_text()))
@@ -176,7 +177,7 @@ def test_a_second_run_into_a_directory_is_refused_while_the_first_goes_on(
         assert "a study is running there now" in capsys.readouterr().err
     finally:
         (tmp_path / "gate").touch()
-        out, _ = process.communicate(timeout=120)
+        out, _ = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0
     assert json.loads(out)["done"] == 1
 
@@ -454,7 +455,7 @@ def cluster(
         for process in processes:
             process.kill()  # a worker that is asked to end may wait for a scheduler that ends as well
         for process in processes:
-            process.wait(timeout=120)
+            process.wait(timeout=PATIENCE_S)
 
 
 @pytest.mark.long

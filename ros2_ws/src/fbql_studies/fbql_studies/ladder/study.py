@@ -23,7 +23,7 @@ from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
 from fbql_studies.common import methods
-from fbql_studies.common.controls import control_tasks, controls_played
+from fbql_studies.common.controls import control_tasks, controls_played, least_steps_by_ball
 from fbql_studies.common.learning_curves import Trainings, growth, learning, mean_sizes, trainings_by
 from fbql_studies.common.methods import (
     FBQL,
@@ -286,12 +286,7 @@ def _reached(results: Mapping[str, Result], by_method: Mapping[str, Runs]) -> li
 def _yardsticks(results: Mapping[str, Result], by_method: Mapping[str, Runs]) -> dict[str, float]:
     """Yardstick -> its steps of a success: the laws, then the kinematic bounds of the same episodes."""
     found = {name: tables.steps_of_a_success(by_method[name]) for name in (LAW, TUNED_LAW) if name in by_method}
-    bounds = [each for result in results.values() for each in result.get("bounds", [])]
-    for ball in dict.fromkeys(each["method"] for each in bounds):
-        own = [each for each in bounds if each["method"] == ball]
-        steps, episodes = (sum(each[name] for each in own) for name in ("steps", "episodes"))
-        found[f"kinematic bound, ball {ball}"] = steps / episodes
-    return found
+    return found | {f"kinematic bound, ball {ball}": steps for ball, steps in least_steps_by_ball(results).items()}
 
 
 def _runs(results: Mapping[str, Result]) -> dict[str, Runs]:

@@ -1,4 +1,4 @@
-"""Selection by trying: who should drive is found by rolling each choice forward in the simulator itself.
+"""Selection by rollouts (Tesauro and Galperin 1996) in the simulator itself; the base policy is the tuned law.
 
 What it costs is an upper bound on what the best selection costs, since it tries only a few plans.
 """

@@ -16,14 +16,14 @@ from fbql.statistics.tables import Row, Table, number, tabulate
 from fbql_behaviors.core.instructors import AGILE, approach, seek_ball
 from fbql_behaviors.core.observation import Law
 from fbql_common.core.errors import BadInput
-from fbql_fusion.core.parameters import FusionParameters
 from fbql_sim.core.parameters import SimulationParameters
 from fbql_sim.core.world_loop import WorldLoop
 
 from fbql_studies.common import training
+from fbql_studies.common.controls import bounds_of, least_steps_by_ball
 from fbql_studies.common.fusion_tables import METHOD_COLUMNS, control_columns, methods_table, robust_table
-from fbql_studies.common.methods import FBQL, LAW, TUNED_LAW
-from fbql_studies.common.play import KICKED, PUSHED, bound_steps, driven, frozen, laws_played
+from fbql_studies.common.methods import FBQL, TUNED_LAW
+from fbql_studies.common.play import driven, frozen, laws_played
 from fbql_studies.common.training import (
     Played,
     Seeds,
@@ -33,7 +33,7 @@ from fbql_studies.common.training import (
     train,
     training_of,
 )
-from fbql_studies.common.tuning import retuned
+from fbql_studies.common.tuning import retuned, subsumption
 from fbql_studies.limits.oracle import SelectingOracle
 from fbql_studies.runner.study import Parameters, Result, StudyTask
 
@@ -76,7 +76,7 @@ def learned(team: str, episodes: int) -> str:
     return f"{FBQL}, {team}, {episodes} episodes"
 
 
-def subsumption(team: str) -> str:
+def retuned_for(team: str) -> str:
     """Subsumption with thresholds tuned for a team's trees."""
     return f"subsumption, re-tuned, {team}"
 
@@ -87,7 +87,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def tasks(options: argparse.Namespace) -> list[StudyTask]:
-    """The controls and the oracles of each tree set, then a training for each seed, tree set and team."""
+    """The controls of each tree set, a training for each seed, tree set and team, then the oracles."""
     check_training_options(options)
     if options.episodes % EARLY_SHARE:
         raise BadInput(
@@ -152,21 +152,16 @@ def _controls(parameters: Parameters, loop: WorldLoop) -> Result:
     """The laws, the kinematic bounds, and Subsumption re-tuned for the trees of each team."""
     tree_set, episodes = parameters["set"], parameters["evaluate"]
     teams = {team: training.behaviors_of(SEEDS.tree(tree_set), instructors) for team, instructors in TEAMS.items()}
-    thresholds = {team: retuned(behaviors, loop) for team, behaviors in teams.items()}
+    tuned = {team: subsumption(retuned(behaviors, loop), 0, episodes) for team, behaviors in teams.items()}
     runs: list[Row] = []
     bounds: list[Row] = []
     for seed in range(parameters["seeds"]):
         judging = SEEDS.judging(tree_set, seed)
         counts = laws_played(loop, judging, episodes)
         for team, behaviors in teams.items():
-            wall_m, approach_rad = thresholds[team]
-            fusion = FusionParameters(
-                controller="subsumption", wall_threshold_m=wall_m, approach_threshold_rad=approach_rad
-            )
-            counts[subsumption(team)] = frozen(fusion, behaviors, loop, judging, episodes)
+            counts[retuned_for(team)] = frozen(tuned[team], behaviors, loop, judging, episodes)
         runs += [SEEDS.row(method, tree_set, seed, each) for method, each in counts.items()]
-        for ball, steps in bound_steps(judging, episodes).items():
-            bounds.append(SEEDS.row(ball, tree_set, seed, {"steps": steps, "episodes": episodes}))
+        bounds += bounds_of(SEEDS, tree_set, seed, episodes)
     leaves = {team: [behavior.tree.leaf_count for behavior in behaviors] for team, behaviors in teams.items()}
     return {"runs": runs, "bounds": bounds, "leaves": leaves}
 
@@ -174,34 +169,15 @@ def _controls(parameters: Parameters, loop: WorldLoop) -> Result:
 def table(results: Mapping[str, Result]) -> list[Row]:
     """The play of each method, compared with the tuned law and with the same method of the shipped team; then the bounds."""
     found = [run for result in results.values() for run in result["runs"]]
-    lengths = sorted({run["method"].rsplit(", ", 1)[1] for run in found if run["method"].startswith(FBQL)}, key=_number)
-    names = {
-        team: [subsumption(team), *(f"{FBQL}, {team}, {length}" for length in lengths), oracle(team)] for team in TEAMS
-    }
-    same_of = {other: own for team in TEAMS for other, own in zip(names[team], names[SHIPPED], strict=True)}
-    by_method = runs_by_method(found, (LAW, TUNED_LAW, *(name for team in TEAMS for name in names[team])))
-    rows = [
-        {**method_row(method, by_method, _controls_of(method, same_of)), "leaves": _leaves(results, method)}
-        for method in by_method
-    ]
-    bounds = [bound for result in results.values() for bound in result.get("bounds", [])]
-    for ball in (KICKED, PUSHED):
-        own = [bound for bound in bounds if bound["method"] == ball]
-        if own:
-            mean = sum(bound["steps"] for bound in own) / sum(bound["episodes"] for bound in own)
-            rows.append({"bound": ball, "steps_per_episode": mean})
-    return rows
-
-
-def _number(length: str) -> int:
-    return int(length.split()[0])
-
-
-def _controls_of(method: str, same_of: Mapping[str, str]) -> dict[str, str]:
-    found = {"tuned_law": TUNED_LAW}
-    if same_of.get(method, method) != method:
-        found["shipped"] = same_of[method]
-    return found
+    methods = sorted(dict.fromkeys(run["method"] for run in found), key=lambda method: AGILE_TEAM in method)
+    by_method = runs_by_method(found, methods)
+    rows: list[Row] = []
+    for method in by_method:
+        controls = {"tuned_law": TUNED_LAW}
+        if AGILE_TEAM in method:
+            controls["shipped"] = method.replace(AGILE_TEAM, SHIPPED)
+        rows.append({**method_row(method, by_method, controls), "leaves": _leaves(results, method)})
+    return rows + [{"bound": ball, "steps_per_episode": steps} for ball, steps in least_steps_by_ball(results).items()]
 
 
 def _leaves(results: Mapping[str, Result], method: str) -> list[float] | None:
