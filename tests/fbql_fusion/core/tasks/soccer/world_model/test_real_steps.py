@@ -61,6 +61,9 @@ def test_an_unfinished_episode_does_not_count() -> None:
     steps.begin(WORLD)
     steps.add(1.0, 1.0, WORLD)
     assert len(steps) == 3
+    played(steps, 2, mark=50.0)
+    assert len(steps) == 5
+    assert steps.starts()[:, 5].tolist() == [0.0, 50.0]
 
 
 def test_an_episode_with_a_missing_step_is_dropped() -> None:
