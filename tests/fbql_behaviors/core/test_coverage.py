@@ -48,6 +48,14 @@ def test_where_it_never_drove_nothing_is_missing() -> None:
     assert (found.gaps(), found.share_shown) == ([], None)
 
 
+def test_a_cell_is_an_eighth_of_the_range_wherever_that_begins() -> None:
+    for low in (-6.0, -4.0, 2.0):
+        feature = Feature("a", "m", low, low + 8.0)
+        found = coverage_of((feature,), rows(*((low + x,) for x in (0.5, 2.9, 3.0, 7.5))), rows((low + 3.5,)))
+        assert found.shown.tolist() == [1, 0, 1, 1, 0, 0, 0, 1]
+        assert found.driven.tolist() == [0, 0, 0, 1, 0, 0, 0, 0]
+
+
 @given(st.lists(st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0)), min_size=1, max_size=30))
 def test_every_moment_counts_once_also_outside_of_the_root_region(places: list[tuple[float, float]]) -> None:
     found = coverage_of(UNIT, rows(*places), rows(*places))

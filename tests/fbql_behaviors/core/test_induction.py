@@ -86,6 +86,15 @@ def test_the_update_as_printed_diverges() -> None:
     assert value > 1000 * plan(boxes, parameters).value
 
 
+def test_a_single_trial_explores_as_the_first_one() -> None:
+    parameters = InductionParameters(epsilon_start=1.0, epsilon_end=0.0, trials=1)
+    boxes = find_boxes(scattered(60), (3, 3))
+    once, again = (
+        learn(boxes, each, np.random.default_rng(2)).value for each in (parameters, replace(parameters, epsilon_end=1.0))
+    )
+    assert once == again
+
+
 def test_the_same_seed_gives_the_same_tree_and_the_origin_tells_the_seed() -> None:
     parameters = InductionParameters(epsilon_start=0.9, optimism=0.0, trials=5)
     trees = [induce("ball_seeking", scattered(300), parameters, seed).tree for seed in (3, 3, 4)]

@@ -105,6 +105,14 @@ def test_a_timeout_may_be_of_any_size(timeout_s: float, drives: bool) -> None:
     assert not mux.hear(1, GO, 10**18)
 
 
+@pytest.mark.parametrize(("priority", "may_drive"), [(9, False), (10, True), (11, True)])
+def test_a_lock_masks_the_sources_below_its_priority_and_not_those_at_it(priority: int, may_drive: bool) -> None:
+    mux = mux_of(("source", 0.5, priority), locks=(("stop", 0.0, 10),))
+    mux.hear(0, GO, 0)
+    mux.hear_lock(0, True, 1)
+    assert mux.may_drive(0, 2) is may_drive
+
+
 def test_a_lock_with_a_timeout_is_on_before_its_first_message_and_one_without_is_off() -> None:
     assert not mux_of(("low", 0.5, 10), locks=(("stop", 0.5, 20),)).hear(0, GO, 0)
     assert mux_of(("low", 0.5, 10), locks=(("stop", 0.0, 20),)).hear(0, GO, 0)

@@ -7,7 +7,7 @@ from math import log
 import numpy as np
 import pytest
 from equation_oracles import gradient, literal_softmax, preference_lists
-from fbql_fusion.core.learners.linear import log_weight_gradient, row_sum, shares_of
+from fbql_fusion.core.learners.linear import add_shared, log_weight_gradient, row_sum, shares_of
 from fbql_fusion.core.learners.ppo import equations as eq
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -206,6 +206,31 @@ def test_approx_kl_is_never_below_0_and_0_where_nothing_changed(pairs: list[tupl
     drawn = np.zeros(len(pairs), dtype=np.int64)
     assert eq.approx_kl(weights, drawn, then) >= -1e-9
     assert eq.approx_kl(weights, drawn, now) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_pass_takes_every_decision_once_a_minibatch_at_a_time() -> None:
+    """Also where the last minibatch is smaller."""
+    rng = np.random.default_rng(5)
+    decisions, n = 7, 3
+    active, inputs = rng.integers(0, 6, (decisions, 2)), rng.integers(0, 9, (decisions, 4))
+    masks = random_masks(rng, decisions, n)
+    drivers = np.array([rng.choice(np.flatnonzero(mask)) for mask in masks])
+    batch = eq.Batch(active, inputs, drivers, masks, *(rng.random(decisions) + 0.2 for _ in range(3)))
+    rates = eq.Rates(0.1, 0.2, 0.4)
+    for weights_change in (True, False):
+        theta, value = rng.normal(size=(6, n)), rng.normal(size=9)
+        expected_theta, expected_value = theta.copy(), value.copy()
+        for some in (slice(0, 3), slice(3, 6), slice(6, 7)):
+            if weights_change:
+                weights = eq.weights_of(expected_theta, active[some], masks[some])
+                step = eq.clipped_surrogate_step(
+                    weights, drivers[some], batch.old_probs[some], batch.advantages[some], rates.clip
+                )
+                add_shared(expected_theta, active[some], step, rates.policy)
+            eq.update_critic(expected_value, inputs[some], batch.lambda_returns[some], rates.critic)
+        eq.policy_pass(theta, value, batch, 3, weights_change, rates)
+        assert theta.tobytes() == expected_theta.tobytes()
+        assert value.tobytes() == expected_value.tobytes()
 
 
 def test_large_preferences_give_weights_and_no_overflow() -> None:

@@ -87,9 +87,12 @@ def test_masks_of_decisions_that_wait_are_kept_in_the_policy_and_the_training_re
     assert policy_of(again).arrays.keys() == policy.arrays.keys()
     for name, array in policy_of(again).arrays.items():
         assert np.array_equal(array, policy.arrays[name]), name
-    broken = {**policy.arrays, "waiting_mask": ~masks}
-    with pytest.raises(BadInput, match="'waiting_mask' excludes a behavior that drove"):
-        session_of(policy._replace(arrays=broken), fbql_batch_episodes=7)
+    nobody = masks.copy()
+    nobody[lengths[0]] = False  # where the first episode ended
+    for wrong in (~masks, nobody):
+        broken = policy._replace(arrays={**policy.arrays, "waiting_mask": wrong})
+        with pytest.raises(BadInput, match="'waiting_mask' excludes a behavior that drove"):
+            session_of(broken, fbql_batch_episodes=7)
 
 
 def test_without_masks_a_policy_has_none() -> None:

@@ -114,6 +114,20 @@ def test_an_episode_without_an_end_is_truncated_and_every_decision_is_held() -> 
     assert set(imagined.drivers.tolist()) == {0, 1, 2}
 
 
+def test_an_imagined_episode_begins_in_the_state_of_a_real_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    met: list[State] = []
+
+    def seen(model: WorldModel, state: State, *rest: Any) -> tuple[State, bool]:
+        met.append(state)
+        return next_state(model, state, *rest)
+
+    monkeypatch.setattr(imagination, "next_state", seen)
+    monkeypatch.setattr(imagination.play_episodes, "run", imagination.play_episodes.interpreted)
+    moving = AWAY._replace(robot_speed_m_s=0.5, robot_yaw_rate_rad_s=0.75, ball_vx_m_s=0.375, ball_vy_m_s=0.625)
+    played(moving)
+    assert met[0] == (-0.5, 0.125, 0.25, 0.5, 0.75, 0.25, -0.375, 0.375, 0.625)
+
+
 @pytest.mark.parametrize(("vx", "outcome", "reward"), [(1.2, GOAL, 10.0), (-1.2, OWN_GOAL, -7.0)])
 def test_a_ball_behind_a_goal_line_ends_the_episode_with_its_reward(vx: float, outcome: int, reward: float) -> None:
     side = 1.0 if vx > 0.0 else -1.0

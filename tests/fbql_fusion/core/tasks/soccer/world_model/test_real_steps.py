@@ -66,6 +66,16 @@ def test_an_unfinished_episode_does_not_count() -> None:
     assert steps.starts()[:, 5].tolist() == [0.0, 50.0]
 
 
+def test_a_step_counts_only_between_the_beginning_and_the_end_of_an_episode() -> None:
+    steps = RealSteps(100)
+    steps.add(1.0, 1.0, WORLD._replace(truncated=True))
+    assert len(steps) == 0
+    played(steps, 3)
+    steps.add(1.0, 1.0, WORLD._replace(truncated=True))
+    assert len(steps) == 3
+    assert steps.transitions().commands.tolist() == [[1.0, -1.0], [2.0, -2.0], [3.0, -3.0]]
+
+
 def test_an_episode_with_a_missing_step_is_dropped() -> None:
     steps = RealSteps(100)
     steps.begin(WORLD)
@@ -91,6 +101,7 @@ def test_as_many_steps_as_the_capacity_are_kept() -> None:
 
 def test_the_latest_episode_stays_even_if_it_is_longer_than_the_capacity() -> None:
     steps = RealSteps(7)
+    played(steps, 3)
     played(steps, 3)
     played(steps, 20, mark=50.0)
     assert len(steps) == 20
