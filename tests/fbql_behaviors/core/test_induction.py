@@ -90,7 +90,8 @@ def test_a_single_trial_explores_as_the_first_one() -> None:
     parameters = InductionParameters(epsilon_start=1.0, epsilon_end=0.0, trials=1)
     boxes = find_boxes(scattered(60), (3, 3))
     once, again = (
-        learn(boxes, each, np.random.default_rng(2)).value for each in (parameters, replace(parameters, epsilon_end=1.0))
+        learn(boxes, each, np.random.default_rng(2)).value
+        for each in (parameters, replace(parameters, epsilon_end=1.0))
     )
     assert once == again
 
@@ -292,5 +293,6 @@ def test_the_gain_of_a_hand_made_split_is_that_of_the_hand() -> None:
     # the lower half of bearing holds one pattern of each class; as printed its gain counts whole, weighted a half
     half = int(boxes.left[0, 1])
     assert rewards[half, 0] == pytest.approx(0.5931471805599453)
+    assert (offered[half].tolist(), rewards[half, 1]) == ([True, False], 0.0)
     weighted, _ = split_rewards(boxes, InductionParameters(split_cost=-0.1, objective="weighted"))
     assert weighted[half, 0] == pytest.approx(0.6931471805599453 / 2 - 0.1)

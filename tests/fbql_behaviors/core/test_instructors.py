@@ -56,6 +56,11 @@ def test_an_agile_instructor_drives_backwards_where_that_is_the_smaller_turn() -
     assert left > right, "the tail turns left, to the ball behind it on the left, when the robot turns right"
     assert sum(seek_ball((1.0, 1.5), AGILE)) > 0.0
     assert sum(approach((2.5, 0.3), AGILE)) < 0.0
+    stiff = Steering(20.0, 3.0)
+    for error_rad in (-pi / 2, pi / 2):
+        assert stiff._replace(reverses=True).towards(error_rad, 10.0) == stiff.towards(error_rad, 10.0), (
+            "neither is smaller"
+        )
 
 
 @pytest.mark.parametrize("behavior", sorted(INSTRUCTORS))

@@ -21,6 +21,13 @@ class Quaternion:
 
 
 @dataclass
+class Limits:
+    """A field with the name of a reduction."""
+
+    max: float = 6.0
+
+
+@dataclass
 class Message:
     """Fields as a ROS message has them."""
 
@@ -31,6 +38,7 @@ class Message:
     speed: float = 0.25
     parts: Any = field(default_factory=lambda: [Quaternion(x=7.0)])
     min: float = 9.0
+    limits: Limits = field(default_factory=Limits)
 
 
 def read(text: str, message: Any = None, **options: Any) -> float:
@@ -56,6 +64,7 @@ def read(text: str, message: Any = None, **options: Any) -> float:
         ("ranges[4:5].min", 4.0),
         ("ranges[1:-1].max", 5.0),
         ("min", 9.0),
+        ("limits.max", 6.0),
     ],
 )
 def test_a_path_leads_to_a_number(text: str, value: float) -> None:

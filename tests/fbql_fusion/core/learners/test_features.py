@@ -7,6 +7,7 @@ from math import isfinite
 
 import numpy as np
 import pytest
+from fbql_common.core.errors import BadInput
 from fbql_common.core.types import NO_LEAF
 from fbql_fusion.core.learners.features import (
     KNOTS,
@@ -379,6 +380,13 @@ def test_arrays_are_of_the_types_that_are_told() -> None:
         "offsets": ("float64", (8, 6)),
         "resolution": ("int64", (7,)),
     }
+
+
+def test_a_group_of_fewer_than_no_observations_is_refused() -> None:
+    features = made()
+    arrays = {**features.to_arrays(), "lengths": np.array([4, -1, 3])}
+    with pytest.raises(BadInput, match="'lengths' has a number below 0"):
+        Features.from_arrays(arrays, features.resolution, 3)
 
 
 @pytest.mark.parametrize("mirror", [False, True])

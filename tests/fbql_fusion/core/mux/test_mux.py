@@ -206,6 +206,13 @@ def test_nobody_drives_once_the_last_driver_is_masked() -> None:
     assert mux.driver(503 * MS) is None
 
 
+def test_a_lock_of_its_own_priority_leaves_the_last_driver() -> None:
+    mux = mux_of(("a", 0.5, 10), locks=(("stop", 0.0, 10),))
+    mux.hear(0, GO, 0)
+    mux.hear_lock(0, True, 1)
+    assert mux.driver(2) == 0
+
+
 def can_be_taken(now: Snapshot) -> list[tuple[str, Twist, int]]:
     """Name, command and age of every source that somebody who decides on a snapshot may let drive."""
     found: list[tuple[str, Twist, int]] = []

@@ -41,6 +41,15 @@ def test_with_many_rows_few_of_those_found_are_far_from_the_nearest() -> None:
     assert misses <= 5
 
 
+def test_a_search_among_many_rows_that_are_all_far_ends_before_it_is_exact() -> None:
+    rng = np.random.default_rng(2)
+    x, queries = rng.normal(size=(3000, 12)), rng.normal(size=(30, 12))
+    neighbours = fit_neighbours(x, np.arange(float(len(x)))[:, None])
+    exact = [int((((x - query) / neighbours.scale) ** 2).sum(axis=1).argmin()) for query in queries]
+    found = [int(neighbours.outputs[nearest(neighbours, query, 1)[0], 0]) for query in queries]
+    assert sum(a != b for a, b in zip(exact, found, strict=True)) > 5
+
+
 def test_every_node_divides_its_rows_in_the_middle_along_the_input_that_varies_most() -> None:
     rng = np.random.default_rng(1)
     x = rng.normal(size=(200, 3)) + np.array([0.0, -50.0, 5.0])
