@@ -68,12 +68,6 @@ def test_the_root_is_box_0_and_holds_everything() -> None:
     assert boxes.count[0] == 2
 
 
-def test_the_entropy_of_one_class_is_zero_without_a_sign() -> None:
-    boxes = find_boxes(patterns_of_rows([(0.5, 1.0, 3)] * 7), (1, 1))
-    assert not np.signbit(boxes.entropy).any()
-    assert not boxes.entropy.any()
-
-
 def test_a_pattern_outside_of_the_root_region_counts_at_its_edge() -> None:
     boxes = find_boxes(patterns_of_rows([(-1.0, 0.0, 0), (99.0, 0.0, 0)]), (1, 0))
     assert boxes.count.tolist() == [2, 1, 1]
