@@ -66,7 +66,7 @@ class Variant(NamedTuple):
 PLAIN = "learned"
 VARIANTS: Mapping[str, Variant] = {
     PLAIN: Variant(),
-    "learned, prior 3": Variant(changes=(("fbql_prior", 3.0), ("play_s", 0.2))),
+    "learned, prior 3": Variant(changes=(("fbql_prior", 3.0), ("play_s", 0.1), ("fbql_patience", 0))),
     "learned, prior 2": Variant(changes=(("fbql_prior", 2.0),)),
     "learned, gated sources": Variant(gated=True),
     "learned, noise": Variant(noise_m=NOISE_M),

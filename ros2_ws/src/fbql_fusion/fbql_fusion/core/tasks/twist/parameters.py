@@ -38,7 +38,7 @@ class DecisionParameters(SessionParameters):
         0.1, "time from one decision to the next, by the node's clock", unit="s", low=0.001, high=60.0
     )
     hold_s: float = parameter(
-        0.8,
+        0.4,
         f"time for which a source is held while the mux learns{ROUNDED.replace('steps', 'decision periods')}",
         unit="s",
         low=0.0,
@@ -58,7 +58,10 @@ class DecisionParameters(SessionParameters):
 class MuxFeatures(DecisionParameters):
     """Defaults of the features in a mux."""
 
-    fbql_mirror: bool = parameter(False, "whether situations that mirror each other (left and right) share their tiles")
+    fbql_mirror: bool = parameter(
+        False,
+        "whether situations that mirror each other (left and right) share their tiles; only right if no source prefers a side",
+    )
     fbql_discount_period_s: float = parameter(
         0.1, "time that gamma of fbql and of fbql_value is stated for", unit="s", low=1e-6, high=1e6
     )
