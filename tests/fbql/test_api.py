@@ -99,7 +99,8 @@ def test_parameters_may_be_sequences_and_numbers_of_numpy() -> None:
             parameters=given,
         )
         assert found.summary["digest"] == plain.summary["digest"]
-    made = fbql.induce("ball_seeking", patterns=np.int64(50), seed=np.int64(3))
+    assert fbql.play(np.array("subsumption"), episodes=np.array(1), seed=4, max_steps=90).summary["steps"] == 90
+    made = fbql.induce(np.array("ball_seeking"), patterns=np.int64(50), seed=np.int64(3))
     assert made.tree == fbql.induce("ball_seeking", patterns=50, seed=3).tree
 
 

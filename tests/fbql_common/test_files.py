@@ -10,7 +10,16 @@ import threading
 from pathlib import Path
 
 import pytest
-from fbql_common.files import append_whole, atomic_file, atomic_text, is_locked, output_directory, write_atomically
+from fbql_common.core.errors import BadInput
+from fbql_common.files import (
+    append_whole,
+    atomic_file,
+    atomic_text,
+    is_locked,
+    output_directory,
+    read_file,
+    write_atomically,
+)
 from file_limit import largest_file
 
 
@@ -29,6 +38,11 @@ def test_a_file_that_does_not_fit_is_named_and_the_old_one_stays(tmp_path: Path,
     assert raised.value.filename == str(path)
     assert path.read_text() == "old"
     assert names_in(tmp_path) == ["file"]
+
+
+def test_a_name_that_no_file_can_have_is_refused_in_one_line() -> None:
+    with pytest.raises(BadInput, match="null character"):
+        read_file(Path("a\0b"), 100)
 
 
 def test_an_error_of_the_writer_leaves_the_old_file(tmp_path: Path) -> None:

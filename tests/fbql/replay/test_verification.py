@@ -287,6 +287,21 @@ def test_damage_is_one_line_with_the_chunk(recorded, tmp_path, capsys):
     assert said.count("\n") == 1
 
 
+@pytest.mark.parametrize("topic", ["/fusion/decision", "/wheel_command", "/behaviors/wall_avoiding"])
+def test_a_message_that_is_none_of_its_type_is_one_line_with_its_step(recorded, tmp_path, capsys, topic):
+    messages = 0
+
+    def change(message: Any) -> bytes:
+        nonlocal messages
+        messages += message.topic == topic
+        return message.data[:-3] if message.topic == topic and messages == 20 else message.data
+
+    assert main([str(rewrite(recorded, tmp_path / "run", change)), "--verify"]) == 2
+    said = capsys.readouterr().err
+    assert "run: episode 0, step 19: " in said
+    assert said.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [

@@ -20,20 +20,24 @@ _MOST_SHOWN = 60
 def checked[**P, R](function: Callable[P, R]) -> Callable[P, R]:
     """The function, which raises BadInput for an argument that is not of its declared type.
 
-    Scalars of NumPy count as Python's. The items of sequences and mappings are looked at too, but not those of iterators.
+    Scalars of NumPy, and arrays without dimensions, become Python's. The items of sequences and mappings are looked at too, but not those of iterators.
     """
     signature = inspect.signature(function)
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         types = get_type_hints(function)
-        for name, value in signature.bind(*args, **kwargs).arguments.items():
+        bound = signature.bind(*args, **kwargs)
+        for name, value in bound.arguments.items():
             parameter = signature.parameters[name]
-            if parameter.kind is not inspect.Parameter.VAR_KEYWORD and not _is_of(plain(value), types[name]):
+            if parameter.kind is inspect.Parameter.VAR_KEYWORD:
+                continue
+            bound.arguments[name] = plain(value)
+            if not _is_of(bound.arguments[name], types[name]):
                 shown = quoted(value)
                 shown = shown if len(shown) <= _MOST_SHOWN else f"{shown[:_MOST_SHOWN]}..."
                 raise BadInput(f"{name} is {shown}; expected {parameter.annotation}")
-        return function(*args, **kwargs)
+        return function(*bound.args, **bound.kwargs)
 
     return call
 

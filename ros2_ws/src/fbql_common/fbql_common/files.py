@@ -193,6 +193,8 @@ def read_file(path: Path, most_bytes: int) -> bytes:
             data = file.read(most_bytes + 1)
     except OSError as error:
         raise unreadable(path, error) from None
+    except ValueError:  # of Python, for a name that no file system takes
+        raise BadInput(f"{path}: a null character in it; choose another name") from None
     if len(data) > most_bytes:
         raise BadInput(f"{path}: more than {most_bytes} bytes, the limit for such a file")
     return data

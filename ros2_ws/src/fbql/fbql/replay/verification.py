@@ -176,16 +176,16 @@ class _Verifier:
             if self._drawing is not None:
                 self._drawing.known_draw = self._decision.decode(parts[-1]).driver
             command, decision = self._recorded.session.decide(world, outputs)
+            # The command follows from the weights: it is compared last.
+            for what, codec, value, recorded in (
+                ("the decision", self._decision, decision, parts[-1]),
+                ("the command", self._command, command, parts[-2]),
+            ):
+                differs = compared(codec, value, recorded)
+                if differs is not None:
+                    return self._differs(data, what, differs)
         except Malformed as error:
             raise Corrupt(f"{self._run.path}: episode {data.episode}, step {data.step}: {error}") from None
-        # The command follows from the weights: it is compared last.
-        for what, codec, value, recorded in (
-            ("the decision", self._decision, decision, parts[-1]),
-            ("the command", self._command, command, parts[-2]),
-        ):
-            differs = compared(codec, value, recorded)
-            if differs is not None:
-                return self._differs(data, what, differs)
         self._recorded.left(world.ended)
         return None
 
