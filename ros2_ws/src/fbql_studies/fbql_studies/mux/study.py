@@ -43,7 +43,7 @@ SETTINGS_SEED, BLENDS_SEED = 1, 2
 EVENNESS = 0.7
 """Of the Dirichlet distribution that blends are drawn from; below 1, most have a large weight."""
 SETTINGS_OF_A_TASK, BLENDS_OF_A_TASK = 20, 10
-CHECKPOINTS = (250, 500, 1000)
+CHECKPOINTS = (250, 500, 1000, 2000)
 """Episodes after which a training's policy is tested, in addition to its beginning and its end."""
 BLOCK = 100
 """Training episodes of a point of the learning curve."""
@@ -78,7 +78,7 @@ VARIANTS: Mapping[str, Variant] = {
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the study's own options."""
     add_count(parser, "--seeds", 10, "trainings of each variant")
-    add_count(parser, "--episodes", 2000, "episodes of each training")
+    add_count(parser, "--episodes", 4000, "episodes of each training")
     add_count(parser, "--evaluate", 300, "test rooms")
     add_count(parser, "--settings", 240, "settings among which priorities are tuned")
     add_count(parser, "--blends", 80, "constant blends among which the best is chosen")

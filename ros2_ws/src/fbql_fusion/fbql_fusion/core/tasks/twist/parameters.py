@@ -45,7 +45,7 @@ class DecisionParameters(SessionParameters):
         high=1000.0,
     )
     play_s: float = parameter(
-        0.4,
+        0.3,
         f"time for which a source is held when it does not learn{ROUNDED.replace('steps', 'decision periods')}",
         unit="s",
         low=0.0,
