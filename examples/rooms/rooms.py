@@ -14,7 +14,6 @@ import json
 import os
 import sys
 from collections import deque
-from contextlib import nullcontext
 from itertools import groupby
 from pathlib import Path
 
@@ -56,7 +55,7 @@ def drive(options: argparse.Namespace) -> int:
     """Plays or trains. Returns the exit code."""
     from fbql.cli.exit_codes import DONE
     from fbql.cli.output import print_result
-    from fbql.graph.domains import domain_from, free_domain
+    from fbql.graph.domains import free_domain
     from fbql_behaviors.twist_behavior_node import TwistBehaviorNode
     from fbql_common.spin import spin
     from fbql_fusion.twist_mux_node import TwistMuxNode
@@ -93,7 +92,7 @@ def drive(options: argparse.Namespace) -> int:
     # What can be refused comes first, and last of that the mux, which makes the run directory.
     sources = [lambda name=name: SourceNode(name) for name in SOURCES]
     nodes = [lambda: Bridge((*SOURCES, TREE)), *sources, TwistMuxNode, TwistBehaviorNode]
-    with nullcontext(domain_from()) if domain_from() is not None else free_domain() as domain_id:
+    with free_domain() as domain_id:  # never the one that is set: a robot of the user's may listen there
         os.environ["ROS_DOMAIN_ID"] = str(domain_id)
         code = spin(nodes, ["rooms.py", *words])
     if code == DONE:

@@ -79,7 +79,10 @@ def main() -> None:
     parser.add_argument("--rooms", type=int, default=12, help="rooms to drive through (12)")
     parser.add_argument("--family", choices=["traps", "doors"], default="traps", help="family of rooms (traps)")
     options = parser.parse_args()
-    options.out.mkdir(parents=True)
+    try:
+        options.out.mkdir(parents=True)
+    except OSError as error:
+        parser.error(f"{options.out}: {error.strerror}; choose a new directory")
     reached = sum(
         record(options.out / f"{options.family}_{seed}", options.family, seed)
         for seed in range(FIRST_ROOM, FIRST_ROOM + options.rooms)

@@ -276,7 +276,7 @@ def test_an_observation_of_which_nothing_comes_is_named(bench, tmp_path):
     in_wall_time(bench, tmp_path)
     where = f"{bench.namespace}/a_position"
     bench.until_said(
-        f"observation a_position: no std_msgs/msg/Float64 has come on {where} yet; nothing is learned without it"
+        f"observation a_position: no std_msgs/msg/Float64 has come on {where} yet; until then it is unknown"
     )
 
 

@@ -34,6 +34,8 @@ from fbql_fusion.policy_storage import load_policy, save_policy
 _FLUSH_PERIOD_S = 0.5
 _LOOK_PERIOD_S = 1.0
 _WARN_PERIOD_NS = 5_000_000_000
+_DISCOVERY_LOOKS = 5
+"""Looks in which an observation may be missing before that is said: publishers take some seconds to be discovered."""
 
 
 class MuxLearning:
@@ -94,6 +96,7 @@ class MuxLearning:
         self._look_timer = steady_timer(node, _LOOK_PERIOD_S, self._look)
         self._flush_timer = None if self.run is None else steady_timer(node, _FLUSH_PERIOD_S, self.run.flush)
         self._warned_ns = -_WARN_PERIOD_NS
+        self._looks = 0
         self._say_what_it_does()
 
     def _say_what_it_does(self) -> None:
@@ -173,9 +176,12 @@ class MuxLearning:
             each.check_types()
         if self._now_ns() == 0:
             self._warn("use_sim_time is set and no /clock has come yet: nothing is decided before")
+        self._looks += 1
+        if self._looks <= _DISCOVERY_LOOKS:
+            return
         for topic, type_name in self._unheard.items():
             names = ", ".join([each.name for each in self._observations if each.topic == topic])
-            self._warn(f"observation {names}: no {type_name} has come on {topic} yet; nothing is learned without it")
+            self._warn(f"observation {names}: no {type_name} has come on {topic} yet; until then it is unknown")
 
     # What is kept
 

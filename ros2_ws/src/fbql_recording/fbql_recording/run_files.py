@@ -135,7 +135,9 @@ def _in_directory(directory: Path, missing: list[str] | None = None) -> RunFiles
 def _without_metadata(directory: Path) -> RunFiles:
     names = _recordings_in(directory)
     if not names:
-        raise BadInput(f"{directory}: no recording there (neither metadata.yaml nor an .mcap file)")
+        is_run = (directory / "config.yaml").is_file()
+        hint = "; it is a run that was not recorded: run it again with record:=true" if is_run else ""
+        raise BadInput(f"{directory}: no recording there (neither metadata.yaml nor an .mcap file){hint}")
     if len(names) > 1:
         raise BadInput(f"{directory}: no metadata.yaml, and more than one recording ({', '.join(names)}); name one")
     warning = f"{directory}: no metadata.yaml: the recording was not finished"
