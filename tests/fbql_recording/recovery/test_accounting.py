@@ -19,6 +19,7 @@ from fbql_recording.mcap.writer import McapWriter, WriterChannel
 from fbql_recording.recovery.recover import Recovery, recover
 from fbql_recording.run import open_run
 from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC
 from mutated_recordings import STORED, Original, chunks_of, mutated, record_originals, untruths
 from recorded_match import record_match
 
@@ -109,16 +110,32 @@ def test_of_a_sound_split_recording_nothing_is_lost(run, numbered_on):
     assert Counter(told(found.path)) == Counter(before)
 
 
-def test_times_are_told_only_where_head_and_indexes_agree(run):
+@pytest.mark.parametrize("with_metadata", [True, False])
+def test_of_a_split_recording_whose_summaries_are_damaged_nothing_is_lost_either(run, with_metadata):
+    """Then the numbers of the messages alone say that one file continues another."""
+    before = told(run)
+    split(run, 3, numbered_on=True)
+    for path in run.glob("*.mcap"):
+        spoil(path, path.stat().st_size - len(MCAP0_MAGIC) - 2)  # in the summary's CRC
+    if not with_metadata:
+        (run / "metadata.yaml").unlink()
+    found = recover(run, None)
+    assert (found.is_complete, found.messages_lost) == (True, {})
+    assert Counter(told(found.path)) == Counter(before)
+
+
+@pytest.mark.parametrize("number", [0, 1, -1])
+def test_times_are_told_only_where_head_and_indexes_agree(run, number):
     data = mcap_of(run).read_bytes()
-    end_ns = open_run(run).end_ns
+    end_ns, before = open_run(run).end_ns, told(run)
     mcap_of(run).write_bytes(data[:-20])
-    chunk, _ = places_of(mcap_of(run), Opcode.CHUNK)[-1]
+    chunk, end = places_of(mcap_of(run), Opcode.CHUNK)[number]
     index = next(begin for begin, _ in places_of(mcap_of(run), Opcode.MESSAGE_INDEX) if begin > chunk)
-    spoil(mcap_of(run), chunk + 60)
+    spoil(mcap_of(run), (chunk + end) // 2)
     for at, value in ((index + 15 + 6, b"\x20"), (chunk + 9 + 8 + 6, b"\x20")):
         spoil(mcap_of(run), at, value)
     found = recover(run, None)
+    assert len(told(found.path)) < len(before), "a chunk is lost"
     assert found.gaps
     assert all(gap.end_ns is None or gap.end_ns <= end_ns for _, gap in found.gaps)
 

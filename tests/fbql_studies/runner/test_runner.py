@@ -510,11 +510,17 @@ def test_a_cluster_without_this_project_is_refused_in_one_line_and_no_task_count
     assert list((tmp_path / "out" / "tasks").iterdir()) == []
 
 
-def test_there_are_as_many_workers_as_cores_that_may_be_used() -> None:
+def test_there_are_as_many_workers_as_cores_that_may_be_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = arguments(tmp_path, "--seeds", "2")
+    at = words.index("--jobs")
     allowed = os.sched_getaffinity(0)
     try:
         os.sched_setaffinity(0, {min(allowed)})
         assert experiment.usable_cores() == 1
+        assert main([*words[:at], *words[at + 2 :]]) == 0
+        assert "2 tasks, 1 at a time" in capsys.readouterr().err
     finally:
         os.sched_setaffinity(0, allowed)
     assert experiment.usable_cores() == len(allowed)
