@@ -178,7 +178,7 @@ def _refuse_other_arguments(words: Sequence[str]) -> None:
     if unknown:
         raise BadInput(
             f"{Path(words[0]).name}: unknown arguments: {' '.join(unknown)}; parameters and remappings are given as "
-            "--ros-args -p NAME:=VALUE -r FROM:=TO; for their names see docs/parameters.md or, of an example, its file"
+            "--ros-args -p NAME:=VALUE -r FROM:=TO; docs/parameters.md has their names, and those of an example are in its file"
         )
 
 
